@@ -1,0 +1,1 @@
+"""What runs: processes that meet on Zenoh, and the command line `llrp`. The top floor."""

@@ -1,0 +1,127 @@
+"""A robot's configuration: TOML read into one frozen value, checked as a whole.
+
+>>> from llrp_online.configuration import RobotConfiguration, load
+>>> RobotConfiguration.model_fields["labels"].annotation.__name__
+'Labels'
+"""
+
+from pathlib import Path
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from llrp_online.configuration.learning import Augmentation, Memory, Network, Publishing, Training
+from llrp_online.configuration.load import ConfigurationError, load_toml, validate
+from llrp_online.configuration.rig import (
+    Camera,
+    GridTargets,
+    Labels,
+    LineTargets,
+    ListTargets,
+    Odometry,
+    Robot,
+    ShortRange,
+    Table,
+)
+from llrp_online.configuration.running import Control, Simulation, Transport
+
+__all__ = ["ConfigurationError", "RobotConfiguration", "Table", "load", "load_toml", "validate"]
+
+
+class RobotConfiguration(Table):
+    """The whole of a robot's TOML."""
+
+    robot: Robot
+    camera: list[Camera] = Field(min_length=1)
+    odometry: Odometry = Odometry()
+    short_range: list[ShortRange] = Field(min_length=1)
+    targets: Annotated[LineTargets | GridTargets | ListTargets, Field(discriminator="kind")]
+    labels: Labels
+    memory: Memory = Memory()
+    network: Network = Network()
+    augmentation: Augmentation = Augmentation()
+    training: Training = Training()
+    publishing: Publishing = Publishing()
+    transport: Transport = Transport()
+    control: Control = Control()
+    simulation: Simulation | None = None
+
+    @property
+    def sensors(self) -> list[str]:
+        """Names of the short-range sensors, left to right."""
+        return [sensor.name for sensor in self.short_range]
+
+    @property
+    def range_topics(self) -> list[str]:
+        """Topics the short-range readings come in, each once, in order of first mention."""
+        return list(dict.fromkeys(sensor.topic for sensor in self.short_range))
+
+    @property
+    def picture_shape(self) -> tuple[int, int, int]:
+        """(height, width, channels) of what the network sees: the cameras' RGB stacked along the channels."""
+        return self.camera[0].height, self.camera[0].width, 3 * len(self.camera)
+
+    def camera_swap(self) -> NDArray[np.int64] | None:
+        """Which camera replaces each in a flipped world; None if the rig has no mirror image."""
+        return _swap([c.topic for c in self.camera], [c.swap for c in self.camera], alone=len(self.camera) == 1)
+
+    def sensor_swap(self) -> NDArray[np.int64] | None:
+        """Which sensor replaces each in a flipped world; None if the rig has no mirror image."""
+        return _swap(self.sensors, [s.swap for s in self.short_range], alone=len(self.short_range) == 1)
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        for what, names in (("camera topic", [c.topic for c in self.camera]), ("short_range name", self.sensors)):
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise ValueError(f"{what}: each must be given once, got {twice} more than once")
+        if len(sizes := {(c.width, c.height) for c in self.camera}) > 1:
+            raise ValueError(f"camera: all must share one width and height, got {sorted(sizes)}")
+        for what, names, swaps in (
+            ("camera", [c.topic for c in self.camera], [c.swap for c in self.camera]),
+            ("short_range", self.sensors, [s.swap for s in self.short_range]),
+        ):
+            _check_swaps(what, names, swaps)
+        if self.augmentation.flip > 0:
+            self._can_flip()
+        return self
+
+    def _can_flip(self) -> None:
+        mirrored = {
+            "camera": (self.camera_swap(), "give every [[camera]] its `swap`"),
+            "short_range": (self.sensor_swap(), "give every [[short_range]] its `swap` (itself, if it looks ahead)"),
+            "targets": (self.targets.build().mirror(), "give targets that mirror onto each other (y to -y)"),
+        }
+        for what, (swap, mend) in mirrored.items():
+            if swap is None:
+                raise ValueError(
+                    f"augmentation.flip = {self.augmentation.flip:g}, but {what} has no mirror image: "
+                    f"{mend}, or set flip = 0"
+                )
+
+
+def load(path: str | Path) -> RobotConfiguration:
+    """Read a robot's TOML; ConfigurationError names file, key, what was got and what is allowed."""
+    return load_toml(path, RobotConfiguration)
+
+
+def _check_swaps(what: str, names: list[str], swaps: list[str | None]) -> None:
+    partner = dict(zip(names, swaps, strict=True))
+    for name, other in partner.items():
+        if other is None:
+            continue
+        if other not in partner:
+            raise ValueError(f"{what} {name!r}: swap = {other!r} names none of {names}")
+        if partner[other] != name:
+            raise ValueError(
+                f"{what} {name!r}: swap = {other!r}, but {other!r} has swap = {partner[other]!r}; make them agree"
+            )
+
+
+def _swap(names: list[str], swaps: list[str | None], *, alone: bool) -> NDArray[np.int64] | None:
+    if alone:
+        return np.zeros(1, np.int64)
+    if any(swap is None for swap in swaps):
+        return None
+    return np.array([names.index(swap) for swap in swaps if swap is not None], np.int64)
