@@ -1,6 +1,7 @@
 """Target poses: where, relative to the robot, the short-range sensors are to be predicted.
 
-The paper's `p_1 ... p_n` (Nava et al. 2019, section III): 31 poses on a line for the Thymio, a 17x17 grid for the Pioneer.
+The paper's `p_1 ... p_n` (Nava et al. 2019, section III): 31 poses on a line for the
+Thymio, a 17x17 grid for the Pioneer.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ class Targets:
 
     @classmethod
     def grid(cls, x_m: ArrayLike, y_m: ArrayLike) -> "Targets":
-        """A grid, each axis as `[start, stop, step]` with both ends included; x is the outer (slow) axis, y the inner."""
+        """A grid, each axis as `[start, stop, step]` with both ends included; x is the outer axis, y the inner."""
         x, y = (_ticks(*np.asarray(axis, np.float64).tolist()) for axis in (x_m, y_m))
         gx, gy = np.meshgrid(x, y, indexing="ij")
         return cls(np.stack([gx.ravel(), gy.ravel(), np.zeros(gx.size)], -1))
@@ -70,4 +71,4 @@ def _ticks(start: float, stop: float, step: float) -> Floats:
     """start, start + step, ... up to and including stop."""
     if not step > 0 or stop < start:
         raise ValueError(f"targets: expected start <= stop and step > 0, got start={start}, stop={stop}, step={step}")
-    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1)
+    return start + step * np.arange(int(np.floor((stop - start) / step + 1e-6)) + 1, dtype=np.float64)

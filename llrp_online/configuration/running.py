@@ -1,4 +1,4 @@
-"""How agents meet and drive: transport, control, and what the simulated robot is made of. Every table may be left out."""
+"""How agents meet and drive: transport, control, and what the simulated robot is made of. All may be left out."""
 
 from typing import Literal
 
