@@ -80,6 +80,16 @@ class Ring:
         """Forget all rows."""
         self._start = self._stop = 0
 
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of the live rows, by column."""
+        return {name: self[name].copy() for name in self._columns}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Hold the rows that `state` gave, and no others."""
+        self.clear()
+        for row in range(len(state["t_ns"])):
+            self.insert(int(state["t_ns"][row]), {name: column[row] for name, column in state.items()})
+
     def _make_room(self) -> None:
         live = len(self)
         grow = live > self._capacity // 2

@@ -4,7 +4,9 @@ A gap longer than `max_gap_s` or a jump faster than `max_speed_m_s` between two 
 such samples there is no pose.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +110,14 @@ class Track:
     def forget_before(self, t_ns: int) -> None:
         """Drop the samples that no time from `t_ns` on needs any more."""
         self._rows.drop(max(int(np.searchsorted(self._rows["t_ns"], t_ns, "right")) - 1, 0))
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The samples, as arrays."""
+        return self._rows.state()
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Hold the samples that `state` gave."""
+        self._rows.restore(state)
 
     def clear(self) -> None:
         """Forget all samples."""

@@ -8,8 +8,9 @@ the run.
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,6 +181,35 @@ class TrajectoryStore:
         self._newest_ns = None
         self._late_in_a_row = 0
         return updates
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that waits, as arrays that `restore` takes back exactly."""
+        ids = np.array(list(self._pictures), np.int64)
+        arrays: dict[str, NDArray[Any]] = {
+            "newest_ns": np.array([] if self._newest_ns is None else [self._newest_ns], np.int64),
+            "picture_ids": ids,
+        }
+        if len(ids):
+            arrays["pictures"] = np.stack(list(self._pictures.values()))
+        for prefix, part in self._parts().items():
+            arrays |= {f"{prefix}.{name}": column for name, column in part.state().items()}
+        return arrays
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Become what `state` was taken from."""
+        for prefix, part in self._parts().items():
+            head = f"{prefix}."
+            part.restore({name.removeprefix(head): column for name, column in state.items() if name.startswith(head)})
+        self._pictures = {
+            int(i): picture for i, picture in zip(state["picture_ids"], state.get("pictures", ()), strict=True)
+        }
+        self._picture_bytes = sum(picture.nbytes for picture in self._pictures.values())
+        self._newest_ns = int(state["newest_ns"][0]) if len(state["newest_ns"]) else None
+        self._late_in_a_row = 0
+
+    def _parts(self) -> dict[str, Ring | Track]:
+        readings = {f"readings{index}": ring for index, ring in enumerate(self._readings)}
+        return {"frames": self._frames, "odometry": self._track, **readings}
 
     # --- time
 

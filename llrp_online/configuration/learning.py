@@ -66,7 +66,7 @@ class Training(Table):
 class Publishing(Table):
     """[publishing]: when a new version of the weights goes out."""
 
-    every_s: float = Field(default=1.0, gt=0, description="try this often, by the sensors' clock [s]")
+    every_s: float = Field(default=2.0, gt=0, description="try this often, by the sensors' clock [s]")
     held_out_share: float = Field(
         default=0.1, ge=0, le=0.5, description="share of frames kept back to judge new weights"
     )

@@ -19,6 +19,9 @@ class Robot(Table):
     """[robot]."""
 
     name: str = Field(pattern=r"^[a-zA-Z][a-zA-Z0-9_-]*$", description="prefix of every topic on the wire")
+    camera_sync_s: float = Field(
+        default=0.05, gt=0, description="pictures of several cameras this close are one frame [s]"
+    )
 
 
 class Camera(Table):

@@ -48,16 +48,21 @@ class Writer:
         self._failed = False
         try:
             self._file = self.path.open("xb")
-            self._mcap = McapWriter(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-            with whole():
-                self._mcap.start(profile="ros2", library="llrp-online")
-                self._file.flush()
         except FileExistsError as error:
             raise RecordingError(
                 f"{self.path}: exists already, and a recording is never overwritten; remove it or name another file"
             ) from error
         except OSError as error:
             raise RecordingError(f"{self.path}: cannot be written: {error.strerror}") from error
+        self._mcap = McapWriter(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        with whole():
+            try:
+                self._mcap.start(profile="ros2", library="llrp-online")
+                self._file.flush()
+            except OSError as error:
+                self._failed = True
+                self._close_file()
+                raise RecordingError(f"{self.path}: cannot be written: {error.strerror}") from error
 
     def write(self, message: Message) -> None:
         """Append a message; RecordingError if the disk refuses it, after which nothing more can be written."""

@@ -174,3 +174,20 @@ def test_the_same_time_twice_is_dropped_and_counted():
 def test_a_drift_window_needs_the_noise_of_odometry():
     with pytest.raises(ValueError, match="noise"):
         TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05, window="drift"), OdometryLimits())
+
+
+def test_restored_in_mid_drive_it_goes_on_as_if_nothing_had_happened():
+    rng = np.random.default_rng(5)
+    events = sorted((e for part in drive(rng, 8.0, [[0, 1]]) for e in part), key=lambda e: e.t_ns)
+    rule, limits = LabelRule(0.12, None, 2.0), OdometryLimits(0.35, 3.0, 0.5)
+    first, second = (TrajectoryStore(TARGETS["grid"], [[0, 1]], rule, limits) for _ in range(2))
+    half = len(events) // 2
+    for event in events[:half]:
+        feed(first, event)
+    second.restore(first.state())
+    said = []
+    for store in (first, second):
+        updates = [u for event in events[half:] for u in feed(store, event)] + store.end_trajectory()
+        said.append([(u.frame_id, u.closed, u.labels.tobytes(), u.picture is None) for u in updates])
+    assert said[0] == said[1]
+    assert any(u[1] for u in said[0])

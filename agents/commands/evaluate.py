@@ -1,0 +1,54 @@
+"""`llrp evaluate`: how well a checkpoint predicts recordings, for every target and sensor."""
+
+import argparse
+import json
+from pathlib import Path
+
+from agents.commands import options
+from agents.offline import labelled_frames
+from agents.progress import track_files
+from agents.tables import print_score
+from llrp_online import checkpoint
+from llrp_online.configuration import RobotConfiguration, load
+from llrp_online.scoring import Exam
+
+#: The paper's number of bootstrap rounds.
+ROUNDS = 100
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Its words."""
+    parser.add_argument("checkpoint", type=Path, metavar="CKPT", help="directory with weights.safetensors")
+    options.add_recordings(parser)
+    options.add_config(parser)
+    options.add_json(parser)
+    parser.add_argument(
+        "--rounds", type=int, default=ROUNDS, help=f"of bootstrap, for the intervals (default {ROUNDS})"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the bootstrap (default 0)")
+    parser.epilog = (
+        "A cell with one class only is blank.\n\n"
+        "example:\n  llrp evaluate RUN/checkpoint TEST.mcap --config configs/thymio.toml"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Evaluate and print."""
+    configuration = load(arguments.config)
+    tensors, _ = checkpoint.load(arguments.checkpoint)
+    exam = exam_of(configuration, arguments.recordings)
+    score = exam.score(tensors["weights"], rounds=arguments.rounds, seed=arguments.seed)
+    if arguments.json:
+        print(json.dumps(score.as_json()))
+    else:
+        print_score(score, f"{len(exam.pictures)} frames of {len(arguments.recordings)} recordings")
+    return 0
+
+
+def exam_of(configuration: RobotConfiguration, recordings: list[Path]) -> Exam:
+    """The labelled frames of recordings, to try weights on."""
+    paths = track_files(recordings, "labelling")
+    return Exam(
+        configuration,
+        [(frame.picture, frame.labels) for path in paths for frame in labelled_frames(configuration, path)],
+    )

@@ -1,0 +1,97 @@
+"""`llrp train`: learn offline from stored recordings, the paper's way: label everything, then take steps over it."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.commands import options
+from agents.offline import labelled_frames
+from agents.progress import track, track_files
+from llrp_online import checkpoint
+from llrp_online.configuration import RobotConfiguration, load
+from llrp_online.digest import weights_sha256
+from llrp_online.trainer import Trainer
+from replay.buffer import BufferSettings, ReplayBuffer
+
+#: 15 epochs of 1,000 steps (Nava et al. 2019, section IV-E).
+STEPS = 15_000
+#: The offline buffer draws from all frames alike; this few stay apart as "recent", which it never draws from.
+_RECENT = 8
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Its words."""
+    options.add_recordings(parser)
+    options.add_config(parser)
+    options.add_output(parser, "checkpoint directory; `llrp learn --warm-start` takes it, memory included")
+    options.add_json(parser)
+    parser.add_argument("--steps", type=int, default=STEPS, help=f"training steps (default {STEPS}, the paper's)")
+    parser.epilog = "example:\n  llrp train A.mcap B.mcap --config configs/drone.toml --output runs/offline"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Label, train, save."""
+    configuration = load(arguments.config)
+    buffer = remember(configuration, arguments.recordings)
+    trainer, loss = Trainer(configuration), float("nan")
+    counts = buffer.class_counts
+    for _ in track(range(arguments.steps), "training", arguments.steps):
+        batch = buffer.sample(configuration.training.batch)
+        if batch is None:
+            raise ValueError("no labelled frame to train on: see `llrp check RECORDING` for the cause")
+        loss = trainer.step(batch, counts)
+    weights = trainer.weights()
+    save(arguments.output, configuration, trainer, buffer)
+    summary = {
+        "frames": len(buffer),
+        "known_labels": int(counts.sum()),
+        "steps": trainer.steps,
+        "loss": loss,
+        "weights_sha256": weights_sha256(weights),
+    }
+    if arguments.json:
+        print(json.dumps(summary))
+    else:
+        print(f"{trainer.steps} steps over {len(buffer)} frames, last loss {loss:.4f}; saved to {arguments.output}")
+    return 0
+
+
+def remember(configuration: RobotConfiguration, recordings: list[Path]) -> ReplayBuffer:
+    """All labelled frames of recordings, within the configured budget."""
+    memory, targets = configuration.memory, configuration.targets.build()
+    settings = BufferSettings(
+        budget_bytes=round(memory.budget_mb * 1e6),
+        recent_frames=_RECENT,
+        recent_share=0.0,
+        policy=memory.policy,
+        max_uses=int(np.iinfo(np.int32).max),
+        positives_floor=memory.positives_floor,
+        duplicate_distance=0.0,
+        seed=configuration.training.seed,
+    )
+    buffer = ReplayBuffer(configuration.picture_shape, (len(targets), len(configuration.sensors)), settings)
+    frame_id = 0
+    for path in track_files(recordings, "labelling"):
+        for frame in labelled_frames(configuration, path):
+            if (frame.labels >= 0).any():
+                buffer.add(frame_id, frame.picture, frame.labels, frame.weight)
+                frame_id += 1
+    return buffer
+
+
+def save(path: Path, configuration: RobotConfiguration, trainer: Trainer, buffer: ReplayBuffer) -> None:
+    """Write what `llrp evaluate` and a warm start need."""
+    training, values = trainer.state()
+    memory = buffer.state()
+    tensors: dict[str, dict[str, Any]] = {"weights": dict(trainer.weights()), "training": training, "memory": memory}
+    manifest = {
+        "configuration": configuration.model_dump(mode="json"),
+        "version": 1,
+        "training": values,
+        "memory_random": buffer.random_state(),
+        "next_id": int(memory["ids"].max(initial=-1)) + 1,
+    }
+    checkpoint.save(path, tensors, manifest)

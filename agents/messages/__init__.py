@@ -1,0 +1,37 @@
+"""Standard ROS 2 messages: to and from bytes, and to and from our own arrays.
+
+Frames are REP 103's: x forward, y left, yaw counter-clockwise, metres and radians. Times are integer nanoseconds of the
+sensor's clock, in the message's header.
+"""
+
+from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns
+from agents.messages.pictures import compressed_image, image, picture
+from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
+from agents.messages.poses import odometry, odometry_sample
+from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, twist
+
+__all__ = [
+    "LabelCloud",
+    "MessageError",
+    "PredictionCloud",
+    "compressed_image",
+    "decode",
+    "definition",
+    "diagnostic_array",
+    "encode",
+    "header",
+    "image",
+    "labels",
+    "laser_scan",
+    "odometry",
+    "odometry_sample",
+    "picture",
+    "prediction",
+    "read_diagnostics",
+    "read_labels",
+    "read_prediction",
+    "read_twist",
+    "stamp_ns",
+    "time_ns",
+    "twist",
+]

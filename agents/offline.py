@@ -1,0 +1,81 @@
+"""Recordings to labelled frames: what `label`, `train` and `evaluate` share."""
+
+import logging
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.intake import Intake
+from llrp_online.configuration import RobotConfiguration
+from llrp_online.labeller import Labeller
+from replay.recording import Message, read
+from replay.trajectory import LabelUpdate
+
+_LOG = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledFrame:
+    """A frame whose window has closed.
+
+    Attributes:
+        t_ns: the sensor's time.
+        picture: (H, W, C) uint8.
+        labels: (T, S) int8: 1, 0, -1 unknown.
+        weight: (T, S) float32.
+    """
+
+    t_ns: int
+    picture: NDArray[np.uint8]
+    labels: NDArray[np.int8]
+    weight: NDArray[np.float32]
+
+
+class MissingTopicsError(ValueError):
+    """A recording lacks topics that the configuration names."""
+
+
+def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
+    """The messages of a recording, each with the share of its time that is over.
+
+    MissingTopicsError at its end if the configuration's topics never came.
+    """
+    reader, first_ns = read(path), None
+    for message in reader:
+        first_ns = message.log_ns if first_ns is None else first_ns
+        span_ns = max((reader.report.last_ns or 0) - first_ns, 1)
+        yield message, (message.log_ns - first_ns) / span_ns
+    missing = intake.missing()
+    if missing is not None:
+        raise MissingTopicsError(f"{path}: {missing}")
+
+
+def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[LabelledFrame]:
+    """The frames of one recording that have a pose, in order of time, each when its window has closed."""
+    intake, labeller = Intake(configuration), Labeller(configuration)
+    pictures: dict[int, NDArray[np.uint8]] = {}
+    for message, _ in messages_of(path, intake):
+        for event in intake.events(message.topic, message.type, message.data, message.log_ns):
+            outcome = labeller.take(event)
+            pictures |= {frame.frame_id: frame.picture for frame in outcome.frames}
+            yield from _closed(outcome.updates, pictures)
+    yield from _closed(labeller.end_trajectory(), pictures)
+    report_drops(path, intake.drops + labeller.drops)
+
+
+def report_drops(source: Path | str, drops: Counter[str]) -> None:
+    """Say what could not be used."""
+    for what, count in sorted(drops.items()):
+        _LOG.warning("%s: dropped %d: %s", source, count, what)
+
+
+def _closed(updates: list[LabelUpdate], pictures: dict[int, NDArray[np.uint8]]) -> Iterator[LabelledFrame]:
+    for update in updates:
+        if update.closed:
+            picture = pictures.pop(update.frame_id)
+            if update.posed:
+                yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)

@@ -1,0 +1,96 @@
+"""From sensor events to labelled frames: the synchroniser and the trajectory store behind one door.
+
+The learner lives on it, and so does all that works offline (`llrp label`, `train`, `evaluate`): one way to label.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llrp_online.configuration import RobotConfiguration
+from llrp_online.events import Event, OdometrySample, Reading
+from llrp_online.odometry import MotionNoise
+from llrp_online.synchroniser import Synchroniser
+from replay.trajectory import LabelUpdate, TrajectoryStore
+
+
+@dataclass(frozen=True, eq=False)
+class NewFrame:
+    """A frame that has just come in.
+
+    Attributes:
+        frame_id: counts up from the labeller's first.
+        t_ns: the sensor's time.
+        picture: (H, W, C) uint8.
+    """
+
+    frame_id: int
+    t_ns: int
+    picture: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What one event led to: frames that came in, then what became known of any frame."""
+
+    frames: list[NewFrame]
+    updates: list[LabelUpdate]
+
+
+class Labeller:
+    """Events in, frames and label updates out.
+
+    Args:
+        configuration: the robot's.
+        first_id: of the frames to come; above every id a restored memory holds.
+    """
+
+    def __init__(self, configuration: RobotConfiguration, first_id: int = 0) -> None:
+        topics = configuration.range_topics
+        self._streams = {
+            topic: (index, [i for i, sensor in enumerate(configuration.short_range) if sensor.topic == topic])
+            for index, topic in enumerate(topics)
+        }
+        odometry = configuration.odometry
+        self._synchroniser = Synchroniser(len(configuration.camera), configuration.robot.camera_sync_s)
+        self.store = TrajectoryStore(
+            configuration.targets.build(),
+            [sensors for _, sensors in self._streams.values()],
+            configuration.labels.rule(),
+            odometry.limits(),
+            MotionNoise(
+                odometry.heading_noise_rad_per_sqrt_rad,
+                odometry.heading_noise_rad_per_sqrt_m,
+                odometry.position_noise_m_per_sqrt_m,
+            ),
+            budget_bytes=round(configuration.memory.store_mb * 1e6),
+        )
+        self.next_id = first_id
+
+    @property
+    def drops(self) -> Counter[str]:
+        """What could not be used, and how often."""
+        drops = Counter(self.store.drops)
+        if self._synchroniser.unmatched:
+            drops["camera: no picture of the other cameras near enough in time"] += self._synchroniser.unmatched
+        return drops
+
+    def take(self, event: Event) -> Outcome:
+        """Take in one event."""
+        if isinstance(event, OdometrySample):
+            return Outcome([], self.store.add_odometry(event.t_ns, event.pose, event.covariance))
+        if isinstance(event, Reading):
+            stream, sensors = self._streams[event.topic]
+            return Outcome([], self.store.add_reading(event.t_ns, stream, event.bits[sensors]))
+        outcome = Outcome([], [])
+        for frame in self._synchroniser.add(event):
+            outcome.frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
+            outcome.updates.extend(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
+            self.next_id += 1
+        return outcome
+
+    def end_trajectory(self) -> list[LabelUpdate]:
+        """A new recording, or a robot that was carried off: every frame closes."""
+        return self.store.end_trajectory()

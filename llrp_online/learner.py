@@ -1,0 +1,298 @@
+"""The online learner: events go in, labelled frames are remembered, the network trains, better weights come out.
+
+No thread and no clock in here: time is the sensors'. Driven by `llrp_online.background` it learns while the robot
+roams; driven event by event over recordings it is deterministic: the same recordings and seed give the same weights.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llrp_online import checkpoint
+from llrp_online.configuration import RobotConfiguration
+from llrp_online.drift import DriftDetector, DriftEvent
+from llrp_online.events import Event
+from llrp_online.held_out import HeldFrame, HeldOut
+from llrp_online.labeller import Labeller, NewFrame
+from llrp_online.pace import Pace
+from llrp_online.predictor import Predictor
+from llrp_online.prequential import Band, Prequential
+from llrp_online.publisher import Publisher, Version
+from llrp_online.trainer import Trainer, Weights
+from replay.buffer import BufferSettings, ReplayBuffer
+from replay.trajectory import LabelUpdate
+
+#: Drift events remembered, newest last.
+_EVENTS = 100
+#: Frames over which the status tells the prequential score.
+_STATUS_FRAMES = 600
+
+
+@dataclass(frozen=True)
+class LearnerStatus:
+    """What the learner says of itself.
+
+    Attributes:
+        robot_s: how long the robot has lived, by its sensors.
+        frames: frames taken in.
+        waiting: frames whose window is open.
+        labelled: frames with at least one known label.
+        known: known labels of all closed frames and `positives` of them, by target.
+        remembered: frames in the buffer.
+        steps: training steps.
+        let_go: steps owed but let go, the learner being too slow.
+        loss: of the newest step; None before the first.
+        version: of the newest weights; None before the first.
+        version_age_s: sensor time since they were published.
+        rejected: how often new weights were judged worse.
+        bands: prequential score by distance over the newest frames.
+        drift_events: how many so far.
+        drops: what could not be used.
+        paused: told to.
+    """
+
+    robot_s: float
+    frames: int
+    waiting: int
+    labelled: int
+    known: list[int]
+    positives: list[int]
+    remembered: int
+    steps: int
+    let_go: float
+    loss: float | None
+    version: int | None
+    version_age_s: float | None
+    rejected: int
+    bands: list[Band]
+    drift_events: int
+    drops: dict[str, int]
+    paused: bool
+
+
+class Learner:
+    """One robot's learner.
+
+    Args:
+        configuration: the robot's.
+    """
+
+    def __init__(self, configuration: RobotConfiguration) -> None:
+        self.configuration = configuration
+        self.paused = False
+        self._build()
+
+    def _build(self) -> None:
+        configuration = self.configuration
+        targets = configuration.targets.build()
+        outputs = (len(targets), len(configuration.sensors))
+        memory, publishing = configuration.memory, configuration.publishing
+        settings = BufferSettings(
+            round(memory.budget_mb * 1e6),
+            memory.recent_frames,
+            memory.recent_share,
+            memory.policy,
+            memory.max_uses,
+            memory.positives_floor,
+            memory.duplicate_distance,
+            configuration.training.seed,
+        )
+        self.labeller = Labeller(configuration)
+        self.buffer = ReplayBuffer(configuration.picture_shape, outputs, settings)
+        self.held_out = HeldOut(publishing.held_out_share, publishing.held_out_block_s, publishing.held_out_frames)
+        self.trainer = Trainer(configuration)
+        self.publisher = Publisher(publishing, self.trainer.judge)
+        self.predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
+        self.prequential = Prequential(targets.poses, configuration.sensors)
+        self.pace = Pace(configuration.training.steps_per_second)
+        self._drift = DriftDetector(len(self.prequential.band_edges_m))
+        self.drift_events: deque[DriftEvent] = deque(maxlen=_EVENTS)
+        self.closed_counts = np.zeros((*outputs, 2), np.int64)
+        self._drift_count = self._frames = self._labelled = 0
+        self._loss: float | None = None
+        self._now_ns = 0
+
+    # --- the loop: take events, then take the steps that are due
+
+    def take(self, event: Event) -> list[LabelUpdate]:
+        """Take in one event: predict each new frame, remember each label that became known; the label updates."""
+        self._now_ns = event.t_ns
+        self.pace.advance(event.t_ns, learning=self._can_learn())
+        outcome = self.labeller.take(event)
+        for frame in outcome.frames:
+            self._predict(frame)
+        for update in outcome.updates:
+            self._remember(update)
+        return outcome.updates
+
+    def due(self) -> bool:
+        """Is a training step due, by the sensors' clock?"""
+        return not self.paused and self.pace.due()
+
+    def step(self) -> Version | None:
+        """One training step, and, when it is time, new weights: the version published, or None."""
+        self.pace.taken()
+        batch = self.buffer.sample(self.configuration.training.batch)
+        if batch is None:
+            return None
+        self._loss = self.trainer.step(batch, self.buffer.class_counts)
+        if not self.publisher.due(self._now_ns):
+            return None
+        return self._published(self.publisher.offer(self.trainer.weights(), self.held_out.batch(), self._now_ns))
+
+    def end_recording(self) -> None:
+        """Nothing that comes next belongs to this trajectory."""
+        for update in self.labeller.end_trajectory():
+            self._remember(update)
+        self.pace.end_recording()
+
+    def _can_learn(self) -> bool:
+        return not self.paused and len(self.buffer) >= self.configuration.training.warmup_frames
+
+    def _predict(self, frame: NewFrame) -> None:
+        self._frames += 1
+        if self.predictor.version is not None:
+            self.prequential.predicted(frame.frame_id, self.predictor.predict(frame.picture).probabilities)
+
+    def _remember(self, update: LabelUpdate) -> None:
+        """Keep what became known of a frame: in the slice held out, or in the replay buffer."""
+        if update.frame_id in self.held_out:
+            held = self.held_out.get(update.frame_id)
+            self.held_out.put(HeldFrame(update.frame_id, held.picture, update.labels, update.weight))
+        elif update.picture is not None:
+            self._admit(HeldFrame(update.frame_id, update.picture, update.labels, update.weight), update.t_ns)
+        else:
+            self.buffer.update(update.frame_id, update.labels, update.weight)
+        if update.closed:
+            self.closed_counts[..., 0] += update.labels == 0
+            self.closed_counts[..., 1] += update.labels == 1
+        losses = self.prequential.resolved(update.frame_id, update.labels, closed=update.closed)
+        if losses is not None:
+            events = self._drift.update(update.t_ns, losses)
+            self.drift_events.extend(events)
+            self._drift_count += len(events)
+
+    def _admit(self, frame: HeldFrame, t_ns: int) -> None:
+        self._labelled += 1
+        leaving = self.held_out.put(frame) if self.held_out.wants(t_ns) else frame
+        if leaving is not None:
+            self.buffer.add(leaving.frame_id, leaving.picture, leaving.labels, leaving.weight)
+
+    def _published(self, version: Version | None) -> Version | None:
+        if version is not None:
+            self.predictor.load(version.weights, version.number)
+        return version
+
+    # --- commands
+
+    def publish_now(self) -> Version:
+        """Publish the weights as they are, without asking the gate: at the end of a run."""
+        version = self.publisher.publish(self.trainer.weights(), self._now_ns)
+        self.predictor.load(version.weights, version.number)
+        return version
+
+    def roll_back(self, number: int) -> Version:
+        """Go back to a version kept (KeyError says which): it is published anew, and training goes on from it."""
+        weights = self.publisher.find(number).weights
+        self.trainer.become(weights)
+        version = self.publisher.publish(weights, self._now_ns)
+        self.predictor.load(version.weights, version.number)
+        return version
+
+    def reset(self) -> None:
+        """Forget everything and begin anew."""
+        published = 0 if self.publisher.newest is None else self.publisher.newest.number
+        self._build()
+        self.publisher.go_on_from(published)
+
+    def status(self) -> LearnerStatus:
+        """What it has to say of itself."""
+        newest = self.publisher.newest
+        known = self.closed_counts.sum(1)
+        return LearnerStatus(
+            robot_s=self.pace.lived_s,
+            frames=self._frames,
+            waiting=self.labeller.store.waiting,
+            labelled=self._labelled,
+            known=known.sum(-1).tolist(),
+            positives=known[:, 1].tolist(),
+            remembered=len(self.buffer),
+            steps=self.trainer.steps,
+            let_go=self.pace.let_go,
+            loss=self._loss,
+            version=None if newest is None else newest.number,
+            version_age_s=None if newest is None else (self._now_ns - newest.t_ns) * 1e-9,
+            rejected=self.publisher.rejected,
+            bands=self.prequential.bands(_STATUS_FRAMES),
+            drift_events=self._drift_count,
+            drops=dict(self.labeller.drops),
+            paused=self.paused,
+        )
+
+    # --- to disk and back
+
+    def save(self, path: str | Path) -> None:
+        """Write a checkpoint directory: all that learning goes on from."""
+        newest = self.publisher.newest
+        training, training_values = self.trainer.state()
+        held = self.held_out.state()
+        tensors: dict[str, dict[str, NDArray[Any]]] = {
+            "weights": dict(self.trainer.weights() if newest is None else newest.weights),
+            "training": training,
+            "memory": self.buffer.state(),
+            "pending": self.labeller.store.state(),
+        }
+        if held:
+            tensors["held_out"] = held
+        manifest = {
+            "configuration": self.configuration.model_dump(mode="json"),
+            "version": 0 if newest is None else newest.number,
+            "training": training_values,
+            "memory_random": self.buffer.random_state(),
+            "pace": self.pace.state(),
+            "next_id": self.labeller.next_id,
+        }
+        checkpoint.save(path, tensors, manifest)
+
+    def load(self, path: str | Path) -> None:
+        """Go on exactly from a checkpoint that `save` wrote; CheckpointError if it is another robot's."""
+        tensors, manifest = checkpoint.load(path)
+        self._must_fit(path, tensors["weights"])
+        self.reset()
+        self.trainer.restore(tensors["training"], manifest["training"])
+        self._restore_memory(tensors, manifest)
+        self.labeller.store.restore(tensors["pending"])
+        self.held_out.restore(tensors.get("held_out", {}))
+        self.pace.restore(manifest["pace"])
+        self._begin_with(tensors["weights"], int(manifest["version"]))
+
+    def warm_start(self, path: str | Path, *, memory: bool = True) -> None:
+        """Begin with a checkpoint's weights and, unless told otherwise, its memory; all else begins anew."""
+        tensors, manifest = checkpoint.load(path)
+        self._must_fit(path, tensors["weights"])
+        self.trainer.become(tensors["weights"])
+        if memory and "memory" in tensors:
+            self._restore_memory(tensors, manifest)
+        self._begin_with(tensors["weights"], int(manifest["version"]))
+
+    def _must_fit(self, path: str | Path, weights: Weights) -> None:
+        expected = {name: array.shape for name, array in self.trainer.weights().items()}
+        found = {name: array.shape for name, array in weights.items()}
+        if expected != found:
+            raise checkpoint.CheckpointError(
+                f"{path}: its network is another than the configuration's (expected {expected}, got {found}); "
+                "give the configuration it was trained with: the same cameras, targets, sensors and network preset"
+            )
+
+    def _restore_memory(self, tensors: dict[str, dict[str, NDArray[Any]]], manifest: dict[str, Any]) -> None:
+        self.buffer.restore(tensors["memory"], manifest["memory_random"])
+        self.labeller.next_id = int(manifest["next_id"])
+
+    def _begin_with(self, weights: Weights, number: int) -> None:
+        self.publisher.go_on_from(number)
+        version = self.publisher.publish(weights, self._now_ns)
+        self.predictor.load(version.weights, version.number)

@@ -1,0 +1,153 @@
+"""Delayed prequential evaluation: test, then train, where the truth comes late.
+
+The prediction made when a frame arrives is kept, and scored when the frame's labels resolve: on data that the network
+had never trained on. A label may improve until its frame closes; the last value counts.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from llrp_online.metrics import Floats, Score, counts, pooled_auc
+
+# A probability of 0 or 1 that proves wrong would cost infinitely much; this bounds it at 9.2 nats.
+_CERTAINTY = 1e-4
+
+
+class Band(NamedTuple):
+    """How well a band of target distances is predicted.
+
+    Attributes:
+        low_m: smallest target distance in it.
+        high_m: largest.
+        auc: of all its known labels together; None where one class is missing.
+        n_pos: known positives.
+        n_neg: known negatives.
+        log_loss: mean over its known labels [nats]; None where none is known.
+    """
+
+    low_m: float
+    high_m: float
+    auc: float | None
+    n_pos: int
+    n_neg: int
+    log_loss: float | None
+
+
+class Prequential:
+    """Scores predictions as their labels come in, over a window of the newest frames.
+
+    Within the window every figure is exact (by ranks, on float32 probabilities); a frame that leaves it is forgotten.
+    Memory is fixed: 5 bytes a label, so 16 MB for 20,000 frames of 155 labels.
+
+    Args:
+        targets: (T, 3) float64 target poses; a target's distance is that from the robot.
+        sensors: names of the S sensors.
+        capacity: how many frames the window holds; more than can wait for labels at any time.
+
+    >>> evaluation = Prequential(np.array([[0.1, 0, 0]]), ["ahead"], capacity=100)
+    >>> for frame, (probability, bit) in enumerate([(0.9, 1), (0.3, 0), (0.4, 0)]):
+    ...     evaluation.predicted(frame, np.array([[probability]], np.float32))
+    ...     loss = evaluation.resolved(frame, np.array([[bit]], np.int8), closed=True)
+    >>> evaluation.score().pooled_auc, evaluation.bands()[0].n_neg
+    (1.0, 2)
+    """
+
+    def __init__(self, targets: Floats, sensors: Sequence[str], capacity: int = 20_000) -> None:
+        if capacity < 1:
+            raise ValueError(f"capacity: expected at least one frame, got {capacity}")
+        self._targets = targets
+        self._sensors = tuple(sensors)
+        self._edges_m, self._band_of_target = _distance_bands(targets)
+        shape = (capacity, len(targets), len(self._sensors))
+        self._probabilities = np.zeros(shape, np.float32)
+        self._labels = np.full(shape, -1, np.int8)
+        self._frame_ids = np.full(capacity, -1, np.int64)
+        self._slots: dict[int, int] = {}
+        self._next = 0
+
+    @property
+    def band_edges_m(self) -> list[tuple[float, float]]:
+        """Smallest and largest target distance of each band, near to far."""
+        return list(self._edges_m)
+
+    def predicted(self, frame_id: int, probabilities: NDArray[np.float32]) -> None:
+        """Keep what was predicted, (T, S), when frame `frame_id` (not negative, never used before) arrived."""
+        if frame_id in self._slots:
+            raise ValueError(f"frame {frame_id}: its prediction is kept already; expected one a frame")
+        if probabilities.shape != self._labels.shape[1:]:
+            raise ValueError(f"probabilities: expected shape {self._labels.shape[1:]}, got {probabilities.shape}")
+        slot = self._next
+        self._slots.pop(int(self._frame_ids[slot]), None)
+        self._probabilities[slot] = probabilities
+        self._labels[slot] = -1
+        self._frame_ids[slot] = frame_id
+        self._slots[frame_id] = slot
+        self._next = (slot + 1) % len(self._frame_ids)
+
+    def resolved(self, frame_id: int, labels: NDArray[np.int8], *, closed: bool) -> Floats | None:
+        """Score a frame by its labels as now known, (T, S).
+
+        A frame without a kept prediction (none was made, or it left the window) is passed over.
+
+        Returns:
+            Once the frame is closed, its mean log-loss by band, (bands,) float64 in nats, NaN where none is known: one
+            value for each frame, for drift detection. Else None.
+        """
+        slot = self._slots.get(frame_id)
+        if slot is None:
+            return None
+        if labels.shape != self._labels.shape[1:]:
+            raise ValueError(f"labels: expected shape {self._labels.shape[1:]}, got {labels.shape}")
+        self._labels[slot] = labels
+        if not closed:
+            return None
+        losses = [self._losses(np.array([slot]), band) for band in range(len(self._edges_m))]
+        return np.array([loss.mean() if len(loss) else np.nan for loss in losses])
+
+    def score(self, rounds: int = 0, seed: int = 0) -> Score:
+        """AUC of each target and sensor over the window; with `rounds` of bootstrap, intervals too."""
+        rows = self._rows(None)
+        return Score.of(
+            self._probabilities[rows], self._labels[rows], self._targets, self._sensors, rounds=rounds, seed=seed
+        )
+
+    def bands(self, newest: int | None = None) -> list[Band]:
+        """Each band of distances, near to far, over the window or only the `newest` frames predicted (cheaper)."""
+        rows = self._rows(newest)
+        found: list[Band] = []
+        for band, (low_m, high_m) in enumerate(self._edges_m):
+            columns = self._band_of_target == band
+            labels = self._labels[rows][:, columns]
+            auc = pooled_auc(self._probabilities[rows][:, columns], labels)
+            n_pos, n_neg = (int(number.sum()) for number in counts(labels))
+            losses = self._losses(rows, band)
+            log_loss = float(losses.mean()) if len(losses) else None
+            found.append(Band(low_m, high_m, None if np.isnan(auc) else auc, n_pos, n_neg, log_loss))
+        return found
+
+    def _rows(self, newest: int | None) -> NDArray[np.intp]:
+        """Slots of the newest frames (None: of all), oldest first."""
+        count = len(self._slots) if newest is None else min(newest, len(self._slots))
+        return np.arange(self._next - count, self._next) % len(self._frame_ids)
+
+    def _losses(self, rows: NDArray[np.intp], band: int) -> Floats:
+        """Log-loss of every known label of these frames and this band, flat."""
+        columns = self._band_of_target == band
+        labels = self._labels[rows][:, columns]
+        known = labels >= 0
+        probability = self._probabilities[rows][:, columns][known].astype(np.float64)
+        of_truth = np.where(labels[known] == 1, probability, 1 - probability)
+        return -np.log(np.maximum(of_truth, _CERTAINTY))
+
+
+def _distance_bands(targets: Floats, at_most: int = 4) -> tuple[list[tuple[float, float]], NDArray[np.int64]]:
+    """The distances that occur, in up to four bands of equally many: edges [m], and the band of each target (T,)."""
+    distance_m = np.hypot(targets[:, 0], targets[:, 1]).round(6)
+    distinct, which = np.unique(distance_m, return_inverse=True)
+    groups = np.array_split(np.arange(len(distinct)), min(at_most, len(distinct)))
+    band_of_distance = np.concatenate([np.full(len(group), band) for band, group in enumerate(groups)])
+    edges = [(float(distinct[group[0]]), float(distinct[group[-1]])) for group in groups]
+    return edges, band_of_distance[which].astype(np.int64)
