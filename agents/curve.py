@@ -1,6 +1,7 @@
 """The learning curve: how well the weights of each robot minute do on a held-out run."""
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from llrp_online.metrics import Score
@@ -13,54 +14,48 @@ FAR_M, NEAR_M = 0.25, 0.15
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """The score after so many robot minutes."""
+    """The score after so many robot minutes.
+
+    Attributes:
+        minute: robot minutes.
+        score: on the held-out run.
+        far: mean AUC at 0 to 25 cm, None where undefined, and the cells it is of.
+        near: the same at 0 to 15 cm.
+    """
 
     minute: int
     score: Score
+    far: tuple[float | None, int]
+    near: tuple[float | None, int]
 
     def as_json(self) -> dict[str, Any]:
         """Minute, the two means with the cells they are of, and the whole score."""
-        far, far_cells = mean_auc(self.score, FAR_M)
-        near, near_cells = mean_auc(self.score, NEAR_M)
         return {
             "minute": self.minute,
-            "mean_auc_0_25_cm": None if far_cells == 0 else far,
-            "cells_0_25_cm": far_cells,
-            "mean_auc_0_15_cm": None if near_cells == 0 else near,
-            "cells_0_15_cm": near_cells,
+            "mean_auc_0_25_cm": self.far[0],
+            "cells_0_25_cm": self.far[1],
+            "mean_auc_0_15_cm": self.near[0],
+            "cells_0_15_cm": self.near[1],
             "score": self.score.as_json(),
         }
 
+    def __str__(self) -> str:
+        far, near = (f"{_shown(mean)} ({cells} cells)" for mean, cells in (self.far, self.near))
+        return f"after {self.minute:3d} min: mean AUC {far} at 0 to 25 cm, {near} at 0 to 15 cm"
 
-@dataclass
-class Curve:
-    """Scores by robot minute.
 
-    Args:
-        exam: the held-out frames; None: the curve stays empty.
-        minutes: at which to evaluate.
-    """
+def learning_curve(exam: Exam, minutes: Iterable[tuple[int, Weights]]) -> list[Point]:
+    """Try the weights of each minute on an exam."""
+    points: list[Point] = []
+    for minute, weights in minutes:
+        score = exam.score(weights)
+        points.append(Point(minute, score, _mean(score, FAR_M), _mean(score, NEAR_M)))
+    return points
 
-    exam: Exam | None
-    minutes: list[int]
-    points: list[Point] = field(default_factory=list[Point])
 
-    def at(self, minute: int, weights: Weights) -> None:
-        """Evaluate, if this minute was asked for."""
-        if self.exam is not None and minute in self.minutes:
-            self.points.append(Point(minute, self.exam.score(weights)))
-
-    def as_json(self) -> list[dict[str, Any]]:
-        """All points."""
-        return [point.as_json() for point in self.points]
-
-    def lines(self) -> list[str]:
-        """All points, for people."""
-        return [
-            f"after {p['minute']:3d} min: mean AUC {_shown(p['mean_auc_0_25_cm'])} at 0 to 25 cm "
-            f"({p['cells_0_25_cm']} cells), {_shown(p['mean_auc_0_15_cm'])} at 0 to 15 cm ({p['cells_0_15_cm']} cells)"
-            for p in self.as_json()
-        ]
+def _mean(score: Score, farthest_m: float) -> tuple[float | None, int]:
+    mean, cells = mean_auc(score, farthest_m)
+    return (mean if cells else None), cells
 
 
 def _shown(value: float | None) -> str:

@@ -18,8 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from llrp_online.events import Event
-from llrp_online.learner import Learner, LearnerStatus
+from llrp_online.learner import Learner
 from llrp_online.publisher import Version
+from llrp_online.status import LearnerStatus
 from replay.trajectory import LabelUpdate
 
 _LOG = logging.getLogger(__name__)
@@ -69,6 +70,7 @@ class BackgroundLearner:
         self._calls: queue.SimpleQueue[tuple[Callable[[Learner], Any], Future[Any]]] = queue.SimpleQueue()
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
+        self._told: int | None = None
         self._status_s = 0.0
         self._rest_until_s = 0.0
         self.drops: Counter[str] = Counter()
@@ -121,6 +123,7 @@ class BackgroundLearner:
                 elif not self._messages:
                     self._wake.wait(_IDLE_S)
                 self._wake.clear()
+                self._tell_weights()
                 self._report()
         except BaseException as error:  # a thread that dies silently looks like one that has nothing to do
             _LOG.exception("the learner's thread has failed")
@@ -144,12 +147,17 @@ class BackgroundLearner:
 
     def _train(self) -> None:
         start_s = time.monotonic()
-        version = self._learner.step()
+        self._learner.step()
         took_s = time.monotonic() - start_s
         share = self._learner.configuration.training.core_share
         self._rest_until_s = start_s + took_s / share
-        if version is not None:
-            self._tell.weights(version)
+
+    def _tell_weights(self) -> None:
+        """A version may come from a step, or from a command such as roll-back."""
+        newest = self._learner.publisher.newest
+        if newest is not None and newest.number != self._told:
+            self._told = newest.number
+            self._tell.weights(newest)
 
     def _report(self) -> None:
         now_s = time.monotonic()

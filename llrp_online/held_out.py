@@ -71,28 +71,25 @@ class HeldOut:
         return self._frames[frame_id]
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """All of them as arrays for `restore`; empty where there are none."""
+        """All of them, and where the blocks begin, as arrays for `restore`; empty before the first frame."""
+        if self._start_ns is None:
+            return {}
+        start = {"start_ns": np.array([self._start_ns], np.int64)}
         batch = self.batch()
         if batch is None:
-            return {}
-        start = -1 if self._start_ns is None else self._start_ns
-        return {
-            "ids": np.array(list(self._frames), np.int64),
-            "pictures": batch.pictures,
-            "labels": batch.labels,
-            "weight": batch.weight,
-            "start_ns": np.array([start], np.int64),
-        }
+            return start
+        ids = np.array(list(self._frames), np.int64)
+        return {**start, "ids": ids, "pictures": batch.pictures, "labels": batch.labels, "weight": batch.weight}
 
     def restore(self, state: dict[str, NDArray[Any]]) -> None:
         """Hold what `state` gave, and nothing else."""
         self._frames.clear()
-        if not state:
+        self._start_ns = int(state["start_ns"][0]) if state else None
+        if "ids" not in state:
             return
         rows = zip(state["ids"], state["pictures"], state["labels"], state["weight"], strict=True)
         for frame_id, picture, labels, weight in rows:
             self._frames[int(frame_id)] = HeldFrame(int(frame_id), picture, labels, weight)
-        self._start_ns = int(state["start_ns"][0])
 
     def batch(self) -> Batch | None:
         """All of them, or None."""

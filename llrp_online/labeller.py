@@ -93,4 +93,5 @@ class Labeller:
 
     def end_trajectory(self) -> list[LabelUpdate]:
         """A new recording, or a robot that was carried off: every frame closes."""
+        self._synchroniser.clear()
         return self.store.end_trajectory()

@@ -5,7 +5,6 @@ roams; driven event by event over recordings it is deterministic: the same recor
 """
 
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,9 @@ from llrp_online.held_out import HeldFrame, HeldOut
 from llrp_online.labeller import Labeller, NewFrame
 from llrp_online.pace import Pace
 from llrp_online.predictor import Predictor
-from llrp_online.prequential import Band, Prequential
+from llrp_online.prequential import Prequential
 from llrp_online.publisher import Publisher, Version
+from llrp_online.status import LearnerStatus
 from llrp_online.trainer import Trainer, Weights
 from replay.buffer import BufferSettings, ReplayBuffer
 from replay.trajectory import LabelUpdate
@@ -30,48 +30,6 @@ from replay.trajectory import LabelUpdate
 _EVENTS = 100
 #: Frames over which the status tells the prequential score.
 _STATUS_FRAMES = 600
-
-
-@dataclass(frozen=True)
-class LearnerStatus:
-    """What the learner says of itself.
-
-    Attributes:
-        robot_s: how long the robot has lived, by its sensors.
-        frames: frames taken in.
-        waiting: frames whose window is open.
-        labelled: frames with at least one known label.
-        known: known labels of all closed frames and `positives` of them, by target.
-        remembered: frames in the buffer.
-        steps: training steps.
-        let_go: steps owed but let go, the learner being too slow.
-        loss: of the newest step; None before the first.
-        version: of the newest weights; None before the first.
-        version_age_s: sensor time since they were published.
-        rejected: how often new weights were judged worse.
-        bands: prequential score by distance over the newest frames.
-        drift_events: how many so far.
-        drops: what could not be used.
-        paused: told to.
-    """
-
-    robot_s: float
-    frames: int
-    waiting: int
-    labelled: int
-    known: list[int]
-    positives: list[int]
-    remembered: int
-    steps: int
-    let_go: float
-    loss: float | None
-    version: int | None
-    version_age_s: float | None
-    rejected: int
-    bands: list[Band]
-    drift_events: int
-    drops: dict[str, int]
-    paused: bool
 
 
 class Learner:
@@ -114,13 +72,11 @@ class Learner:
         self.closed_counts = np.zeros((*outputs, 2), np.int64)
         self._drift_count = self._frames = self._labelled = 0
         self._loss: float | None = None
-        self._now_ns = 0
 
     # --- the loop: take events, then take the steps that are due
 
     def take(self, event: Event) -> list[LabelUpdate]:
         """Take in one event: predict each new frame, remember each label that became known; the label updates."""
-        self._now_ns = event.t_ns
         self.pace.advance(event.t_ns, learning=self._can_learn())
         outcome = self.labeller.take(event)
         for frame in outcome.frames:
@@ -140,15 +96,20 @@ class Learner:
         if batch is None:
             return None
         self._loss = self.trainer.step(batch, self.buffer.class_counts)
-        if not self.publisher.due(self._now_ns):
+        if not self.publisher.due(self._lived_ns):
             return None
-        return self._published(self.publisher.offer(self.trainer.weights(), self.held_out.batch(), self._now_ns))
+        return self._published(self.publisher.offer(self.trainer.weights(), self.held_out.batch(), self._lived_ns))
 
     def end_recording(self) -> None:
         """Nothing that comes next belongs to this trajectory."""
         for update in self.labeller.end_trajectory():
             self._remember(update)
         self.pace.end_recording()
+
+    @property
+    def _lived_ns(self) -> int:
+        """The clock that publishing goes by: the robot's life, since recordings' clocks may lie in any order."""
+        return round(self.pace.lived_s * 1e9)
 
     def _can_learn(self) -> bool:
         return not self.paused and len(self.buffer) >= self.configuration.training.warmup_frames
@@ -191,7 +152,7 @@ class Learner:
 
     def publish_now(self) -> Version:
         """Publish the weights as they are, without asking the gate: at the end of a run."""
-        version = self.publisher.publish(self.trainer.weights(), self._now_ns)
+        version = self.publisher.publish(self.trainer.weights(), self._lived_ns)
         self.predictor.load(version.weights, version.number)
         return version
 
@@ -199,13 +160,13 @@ class Learner:
         """Go back to a version kept (KeyError says which): it is published anew, and training goes on from it."""
         weights = self.publisher.find(number).weights
         self.trainer.become(weights)
-        version = self.publisher.publish(weights, self._now_ns)
+        version = self.publisher.publish(weights, self._lived_ns)
         self.predictor.load(version.weights, version.number)
         return version
 
     def reset(self) -> None:
         """Forget everything and begin anew."""
-        published = 0 if self.publisher.newest is None else self.publisher.newest.number
+        published = self.publisher.published
         self._build()
         self.publisher.go_on_from(published)
 
@@ -225,7 +186,7 @@ class Learner:
             let_go=self.pace.let_go,
             loss=self._loss,
             version=None if newest is None else newest.number,
-            version_age_s=None if newest is None else (self._now_ns - newest.t_ns) * 1e-9,
+            version_age_s=None if newest is None else (self._lived_ns - newest.t_ns) * 1e-9,
             rejected=self.publisher.rejected,
             bands=self.prequential.bands(_STATUS_FRAMES),
             drift_events=self._drift_count,
@@ -261,7 +222,11 @@ class Learner:
     def load(self, path: str | Path) -> None:
         """Go on exactly from a checkpoint that `save` wrote; CheckpointError if it is another robot's."""
         tensors, manifest = checkpoint.load(path)
-        self._must_fit(path, tensors["weights"])
+        self._must_fit(path, tensors["weights"], manifest)
+        if "pending" not in tensors:
+            raise checkpoint.CheckpointError(
+                f"{path}: no online learner saved it, so there is nothing to go on from exactly; use it for a warm start"
+            )
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
         self._restore_memory(tensors, manifest)
@@ -273,13 +238,25 @@ class Learner:
     def warm_start(self, path: str | Path, *, memory: bool = True) -> None:
         """Begin with a checkpoint's weights and, unless told otherwise, its memory; all else begins anew."""
         tensors, manifest = checkpoint.load(path)
-        self._must_fit(path, tensors["weights"])
+        self._must_fit(path, tensors["weights"], manifest)
         self.trainer.become(tensors["weights"])
         if memory and "memory" in tensors:
+            tensors["memory"]["uses"][:] = 0  # training offline would have used up all frames many times over
             self._restore_memory(tensors, manifest)
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
-    def _must_fit(self, path: str | Path, weights: Weights) -> None:
+    def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
+        for what, mine, found in zip(
+            ("targets", "sensors"),
+            _labelled(self.configuration.model_dump(mode="json")),
+            _labelled(manifest["configuration"]),
+            strict=True,
+        ):
+            if mine != found:
+                raise checkpoint.CheckpointError(
+                    f"{path}: its {what} are others than the configuration's (expected {mine}, got {found}); "
+                    "give the configuration it was trained with"
+                )
         expected = {name: array.shape for name, array in self.trainer.weights().items()}
         found = {name: array.shape for name, array in weights.items()}
         if expected != found:
@@ -294,5 +271,10 @@ class Learner:
 
     def _begin_with(self, weights: Weights, number: int) -> None:
         self.publisher.go_on_from(number)
-        version = self.publisher.publish(weights, self._now_ns)
+        version = self.publisher.publish(weights, self._lived_ns)
         self.predictor.load(version.weights, version.number)
+
+
+def _labelled(configuration: dict[str, Any]) -> tuple[Any, list[str]]:
+    """What the rows and columns of a configuration's labels stand for, from its JSON form."""
+    return configuration["targets"], [sensor["name"] for sensor in configuration["short_range"]]

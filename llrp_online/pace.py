@@ -4,6 +4,8 @@ Counted in sensor time, a recording played fast, slow or in virtual time is lear
 keep up does not run after lost time for ever: what lies more than a few seconds back is let go, and counted.
 """
 
+from typing import Any
+
 #: Longest stretch of sensor time between two messages that counts: a longer one is a pause, not life.
 _LONGEST_STEP_S = 1.0
 #: Steps owed for longer than this are let go.
@@ -64,11 +66,11 @@ class Pace:
         """A step was taken, or there was nothing to take it on."""
         self._owed -= 1.0
 
-    def state(self) -> dict[str, float]:
+    def state(self) -> dict[str, float | int | None]:
         """JSON values for `restore`."""
-        return {"owed": self._owed, "lived_s": self.lived_s, "let_go": self.let_go}
+        return {"owed": self._owed, "lived_s": self.lived_s, "let_go": self.let_go, "last_ns": self._last_ns}
 
-    def restore(self, state: dict[str, float]) -> None:
-        """Go on from there, whatever clock comes next."""
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on exactly from there; another clock may come next."""
         self._owed, self.lived_s, self.let_go = state["owed"], state["lived_s"], state["let_go"]
-        self._last_ns = None
+        self._last_ns = state["last_ns"]

@@ -15,6 +15,9 @@ from numpy.typing import NDArray
 from llrp_online.architecture import Outputs, PictureShape, Preset, architecture
 from llrp_online.graph import PICTURE, PROBABILITIES, build_graph
 
+#: Weights by name.
+FloatArrays = Mapping[str, NDArray[np.float32]]
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
@@ -64,7 +67,7 @@ class Predictor:
         """Of the weights in use; None before the first."""
         return None if self._weights is None else self._weights.version
 
-    def load(self, weights: Mapping[str, NDArray[np.float32]], version: int) -> None:
+    def load(self, weights: FloatArrays, version: int) -> None:
         """Use a copy of these weights from the next picture on; ValueError if they are not this network's."""
         found = {name: array.shape for name, array in weights.items()}
         if found != self._parameters:

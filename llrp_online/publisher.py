@@ -1,5 +1,6 @@
 """Which weights go out: a version that recent held-out frames judge not worse; old ones are kept for roll-back."""
 
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ class Version:
 
     Attributes:
         number: counts up from 1.
-        t_ns: sensor time of publishing.
+        t_ns: when, by the clock of `offer` and `publish`.
         weights: name to float32 array.
         held_out_loss: by which they were judged [nats]; None where nothing could judge them.
     """
@@ -47,6 +48,11 @@ class Publisher:
         self.rejected = 0
 
     @property
+    def published(self) -> int:
+        """Number of the newest version ever, kept or not; 0 before the first."""
+        return self._published
+
+    @property
     def newest(self) -> Version | None:
         """The version that predicts now."""
         return self._versions[-1] if self._versions else None
@@ -71,7 +77,7 @@ class Publisher:
         trusted = t_ns - self._start_ns < self._settings.trust_after_s * 1e9
         if not trusted and self.newest is not None and held_out is not None and loss is not None:
             now = self._judge(self.newest.weights, held_out)
-            if now is not None and loss > now * (1 + self._settings.margin):
+            if now is not None and (math.isnan(loss) or loss > now * (1 + self._settings.margin)):
                 self.rejected += 1
                 return None
         return self.publish(weights, t_ns, loss)

@@ -62,6 +62,11 @@ class Synchroniser:
                 frames.append(Frame(first.t_ns, np.concatenate([p.pixels for p in pictures], -1)))
         return frames
 
+    def clear(self) -> None:
+        """Forget the pictures that wait: nothing that comes belongs to them."""
+        for pending in self._pending:
+            pending.clear()
+
     def _partner(self, t_ns: int, pending: deque[Picture]) -> Picture | None:
         nearest = min(pending, key=lambda picture: abs(picture.t_ns - t_ns), default=None)
         if nearest is None or abs(nearest.t_ns - t_ns) > self._tolerance_ns:

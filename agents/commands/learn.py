@@ -7,27 +7,28 @@ from typing import Any
 
 from agents.commands import options
 from agents.commands.evaluate import exam_of
-from agents.curve import Curve
+from agents.curve import Point, learning_curve
+from agents.live_learner import learn_live
 from agents.replayed import learn_over
+from agents.run_folder import RunFolder
 from agents.tables import print_bands, print_score
-from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
-    options.add_config(parser)
+    options.add_agent(parser)
     options.add_json(parser)
     parser.add_argument("--recordings", type=Path, nargs="+", metavar="MCAP", help="learn over these; left out: live")
-    parser.add_argument("--output", type=Path, required=True, metavar="RUN", help="folder for checkpoint and report")
+    parser.add_argument("--output", type=Path, required=True, metavar="RUN", help="folder for checkpoint and figures")
     parser.add_argument("--warm-start", type=Path, metavar="CKPT", help="begin with this checkpoint")
     parser.add_argument("--without-memory", action="store_true", help="of the checkpoint take the weights alone")
     parser.add_argument("--resume", type=Path, metavar="CKPT", help="go on exactly where this checkpoint was saved")
-    parser.add_argument("--held-out", type=Path, nargs="+", metavar="MCAP", help="recordings to evaluate on meanwhile")
     parser.add_argument(
-        "--at-minutes", type=int, nargs="+", default=[1, 2, 5, 10], metavar="N", help="robot minutes to evaluate at"
+        "--at-minutes", type=int, nargs="+", default=[1, 2, 5, 10], metavar="N", help="robot minutes to keep weights of"
     )
+    parser.add_argument("--held-out", type=Path, nargs="+", metavar="MCAP", help="try the weights kept on these, then")
     parser.add_argument("--seed", type=int, help="instead of training.seed")
     parser.epilog = (
         "examples:\n"
@@ -38,39 +39,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn, then say how it went."""
-    configuration = with_seed(load(arguments.config), arguments.seed)
-    learner = Learner(configuration)
+    if arguments.recordings is None and arguments.held_out:
+        raise ValueError("--held-out goes with --recordings; live, use `llrp evaluate RUN/minutes/...` afterwards")
+    learner = Learner(options.load_configuration(arguments))
     if arguments.resume:
         learner.load(arguments.resume)
     elif arguments.warm_start:
         learner.warm_start(arguments.warm_start, memory=not arguments.without_memory)
+    folder = RunFolder(arguments.output, arguments.at_minutes)
     if arguments.recordings is None:
-        from agents.live_learner import learn_live
-
-        return learn_live(learner, arguments.output, arguments.at_minutes)
-    exam = exam_of(configuration, arguments.held_out) if arguments.held_out else None
-    curve = Curve(exam, arguments.at_minutes)
-    learn_over(learner, arguments.recordings, lambda minute: curve.at(minute, learner.trainer.weights()))
+        learn_live(learner, lambda minute: folder.keep_minute(minute, learner))
+    else:
+        learn_over(learner, arguments.recordings, lambda minute: folder.keep_minute(minute, learner))
     learner.publish_now()
-    learner.save(arguments.output / "checkpoint")
+    learner.save(folder.checkpoint)
+    curve = (
+        learning_curve(exam_of(learner.configuration, arguments.held_out), folder.minutes())
+        if arguments.held_out
+        else []
+    )
     summary = summarise(learner, curve)
-    (arguments.output / "report.json").write_text(json.dumps(summary, indent=1))
+    (folder.path / "learned.json").write_text(json.dumps(summary, indent=1))
     if arguments.json:
         print(json.dumps(summary))
     else:
-        _print(learner, curve, arguments.output)
+        _print(learner, curve, folder)
     return 0
 
 
-def with_seed(configuration: RobotConfiguration, seed: int | None) -> RobotConfiguration:
-    """The configuration, with another seed if one is given."""
-    if seed is None:
-        return configuration
-    training = configuration.training.model_copy(update={"seed": seed})
-    return configuration.model_copy(update={"training": training})
-
-
-def summarise(learner: Learner, curve: Curve) -> dict[str, Any]:
+def summarise(learner: Learner, curve: list[Point]) -> dict[str, Any]:
     """What `--json` prints."""
     status = learner.status()
     return {
@@ -79,24 +76,25 @@ def summarise(learner: Learner, curve: Curve) -> dict[str, Any]:
         "positive_labels": sum(status.positives),
         "robot_s": status.robot_s,
         "steps": status.steps,
+        "steps_let_go": status.let_go,
         "weights_sha256": weights_sha256(learner.trainer.weights()),
         "prequential": learner.prequential.score().as_json(),
         "prequential_by_distance": [band._asdict() for band in learner.prequential.bands()],
-        "learning_curve": curve.as_json(),
+        "learning_curve": [point.as_json() for point in curve],
         "drift_events": [vars(event) for event in learner.drift_events],
         "config": learner.configuration.model_dump(mode="json"),
         "seed": learner.configuration.training.seed,
     }
 
 
-def _print(learner: Learner, curve: Curve, output: Path) -> None:
+def _print(learner: Learner, curve: list[Point], folder: RunFolder) -> None:
     status = learner.status()
     print(
         f"{status.robot_s / 60:.1f} robot minutes, {status.frames} frames, {sum(status.known)} known labels "
-        f"({sum(status.positives)} positive), {status.steps} steps"
+        f"({sum(status.positives)} positive), {status.steps} steps, {status.let_go:.0f} let go"
     )
     print_score(learner.prequential.score(), "delayed prequential, each frame before it was learned from")
     print_bands(learner.prequential.bands())
-    for line in curve.lines():
-        print(line)
-    print(f"saved to {output}")
+    for point in curve:
+        print(point)
+    print(f"saved to {folder.path}")

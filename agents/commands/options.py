@@ -1,7 +1,16 @@
 """Options that several commands share."""
 
 import argparse
+import math
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from llrp_online.configuration import RobotConfiguration, load, load_toml
+
+if TYPE_CHECKING:
+    from agents.robots.simulated import SimulatedRobot
+
+_SCENARIOS = Path("configs/scenarios")
 
 
 def add_config(parser: argparse.ArgumentParser, default: str | None = None) -> None:
@@ -14,6 +23,24 @@ def add_config(parser: argparse.ArgumentParser, default: str | None = None) -> N
         metavar="C.toml",
         help="the robot's configuration" + (f" (default: {default})" if default else ""),
     )
+
+
+def add_agent(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """--config and --endpoint: for what lives on the bus."""
+    add_config(parser, default)
+    parser.add_argument("--endpoint", metavar="tcp/HOST:PORT", help="where agents meet, instead of transport.endpoint")
+
+
+def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
+    """The configuration, with what the command line says instead: --endpoint, and a learner's --seed."""
+    configuration = load(arguments.config)
+    if arguments.endpoint:
+        transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
+        configuration = configuration.model_copy(update={"transport": transport})
+    if arguments.command == "learn" and arguments.seed is not None:
+        training = configuration.training.model_copy(update={"seed": arguments.seed})
+        configuration = configuration.model_copy(update={"training": training})
+    return configuration
 
 
 def add_recordings(parser: argparse.ArgumentParser) -> None:
@@ -29,3 +56,39 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def add_output(parser: argparse.ArgumentParser, what: str) -> None:
     """--output."""
     parser.add_argument("--output", type=Path, required=True, help=what)
+
+
+def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> None:
+    """--minutes."""
+    shown = "no end" if math.isinf(default) else f"{default:g}"
+    parser.add_argument("--minutes", type=float, default=default, help=f"{what} (default: {shown})")
+
+
+def add_world(parser: argparse.ArgumentParser) -> None:
+    """--scenario and --seed."""
+    parser.add_argument(
+        "--scenario",
+        type=scenario_path,
+        default=scenario_path("tiles"),
+        help="a name from configs/scenarios, or a TOML file (default: tiles)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="of the layout and of all noise (default 0)")
+
+
+def simulated_robot(
+    configuration: RobotConfiguration, scenario: Path, seed: int, *, camera: bool = True
+) -> "SimulatedRobot":
+    """The simulated robot of a configuration in a scenario; ValueError without [simulation]."""
+    from agents.robots.simulated import Scenario, SimulatedRobot
+
+    if configuration.simulation is None:
+        raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation] table; add one")
+    height, width, _ = configuration.picture_shape
+    picture = (height, width) if camera else None
+    return SimulatedRobot(configuration.simulation, load_toml(scenario, Scenario), seed, picture)
+
+
+def scenario_path(text: str) -> Path:
+    """A scenario by its name in configs/scenarios, or by its file."""
+    path = Path(text)
+    return path if path.suffix == ".toml" else _SCENARIOS / f"{text}.toml"

@@ -83,6 +83,7 @@ class RobotConfiguration(Table):
             ("short_range", self.sensors, [s.swap for s in self.short_range]),
         ):
             _check_swaps(what, names, swaps)
+        self.targets.build()  # targets that cannot be built are refused here, where the file is named
         if self.augmentation.flip > 0:
             self._can_flip()
         return self

@@ -1,6 +1,7 @@
 """TOML to a frozen value, or an error that says which file, which key, what was got, what is allowed."""
 
 import difflib
+import json
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -31,7 +32,8 @@ def load_toml(path: str | Path, model: type[M]) -> M:
 def validate(raw: Mapping[str, Any], model: type[M], source: str) -> M:
     """A mapping into `model`; `source` names it in the error."""
     try:
-        return model.model_validate(raw)
+        # Strict, since a text is no number; as JSON, since only there a strict model takes a list for a tuple.
+        return model.model_validate_json(json.dumps(raw, default=str), strict=True)
     except ValidationError as error:
         faults = [f"  {_explain(fault, model)}" for fault in error.errors()]
         raise ConfigurationError("\n".join([f"{source}: cannot be used", *faults])) from None
@@ -48,6 +50,8 @@ def _explain(fault: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key}: unknown key (its value: {fault['input']!r}); {hint}allowed: {', '.join(allowed)}"
     if fault["type"] == "missing":
         return f"{key}: missing; it has no default"
+    if fault["type"] == "union_tag_not_found":
+        return f"{key}.kind: missing; allowed: 'line', 'grid', 'list'"
     message = fault["msg"].removeprefix("Value error, ")
     got = f"got {fault['input']!r}; " if not isinstance(fault["input"], dict | list) else ""
     return f"{key}: {got}{message}" if key else message

@@ -200,7 +200,7 @@ def test_ctrl_c_leaves_a_finished_file(tmp_path):
 
 @needs_data
 @given(where=st.floats(0.01, 0.99), byte=st.integers(0, 255), length=st.sampled_from([1, 40]))
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damage_is_found_or_does_not_matter(where, byte, length, tmp_path_factory):
     folder = tmp_path_factory.mktemp("damage")
     messages, whole = rewritten(folder)

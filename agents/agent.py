@@ -1,0 +1,56 @@
+"""What every agent is: one process, one session, one name on the bus; Ctrl-C, SIGTERM or its parent's death end it."""
+
+import os
+import signal
+import threading
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import zenoh
+
+from agents.transport import announce, key, open_session
+from llrp_online.configuration import RobotConfiguration
+
+#: Set by a program that starts agents: its process id. When it dies, however suddenly, they end too.
+PARENT = "LLRP_PARENT"
+_LOOK_EVERY_S = 0.5
+
+
+@dataclass(frozen=True)
+class Agent:
+    """An agent on the bus.
+
+    Attributes:
+        session: of Zenoh.
+        robot: whose agent it is.
+        stop: set when it is to end.
+    """
+
+    session: zenoh.Session
+    robot: str
+    stop: threading.Event
+
+    def key(self, topic: str) -> str:
+        """The robot's key of a topic."""
+        return key(self.robot, topic)
+
+
+@contextmanager
+def joined(configuration: RobotConfiguration, name: str) -> Generator[Agent]:
+    """Be the agent `name` of a robot until the block ends; Ctrl-C and SIGTERM set `stop`."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda _number, _frame: stop.set())
+    if parent := os.environ.get(PARENT):
+        threading.Thread(target=_follow, args=(int(parent), stop), name="parent", daemon=True).start()
+    robot = configuration.robot.name
+    with open_session(configuration.transport.endpoint, name=name) as session:
+        announce(session, robot, name)
+        yield Agent(session, robot, stop)
+
+
+def _follow(parent: int, stop: threading.Event) -> None:
+    while not stop.wait(_LOOK_EVERY_S):
+        if os.getppid() != parent:
+            stop.set()

@@ -1,0 +1,57 @@
+"""`llrp check`: look over a recording or a live robot, and say the likely cause and the mend of what is wrong."""
+
+import argparse
+import json
+from pathlib import Path
+
+from agents.agent import joined
+from agents.checks import Checker, Finding
+from agents.commands import options
+from agents.transport import subscribe_all
+from replay.recording import Message, read
+
+_LIVE_S = 10.0
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Its words."""
+    parser.add_argument("recordings", type=Path, nargs="*", metavar="RECORDING", help="MCAP files; none: --live")
+    parser.add_argument("--live", action="store_true", help="listen to the robot instead")
+    parser.add_argument("--seconds", type=float, default=_LIVE_S, help=f"how long to listen (default {_LIVE_S:g})")
+    options.add_agent(parser)
+    options.add_json(parser)
+    parser.epilog = (
+        "exit code 1 if there is an error among the findings\n\n"
+        "examples:\n  llrp check WALK.mcap --config configs/nao.toml\n  llrp check --live --config configs/thymio.toml"
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check and print."""
+    if bool(arguments.recordings) == arguments.live:
+        raise ValueError("expected either recordings or --live")
+    configuration = options.load_configuration(arguments)
+    found: dict[str, list[Finding]] = {}
+    for path in arguments.recordings:
+        checker = Checker(configuration)
+        for message in read(path):
+            checker.add(message)
+        found[str(path)] = checker.findings()
+    if arguments.live:
+        checker = Checker(configuration)
+        with joined(configuration, "check") as agent:
+            subscribe_all(
+                agent.session,
+                agent.robot,
+                lambda m: checker.add(Message(m.key, m.type, 0 if m.sent is None else m.sent.wall_ns, m.data)),
+            )
+            agent.stop.wait(arguments.seconds)
+        found[configuration.robot.name] = checker.findings()
+    if arguments.json:
+        print(json.dumps({source: [finding._asdict() for finding in findings] for source, findings in found.items()}))
+    else:
+        for source, findings in found.items():
+            print(f"{source}: {'nothing to say' if not findings else ''}")
+            for finding in findings:
+                print("  " + str(finding).replace("\n", "\n  "))
+    return int(any(finding.severity == "error" for findings in found.values() for finding in findings))

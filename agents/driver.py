@@ -1,0 +1,88 @@
+"""The control agent: one command for each odometry message, from the newest bits and the newest prediction.
+
+What is older than `transport.stale_s`, by the sensors' clock, does not count; a controller without what it needs stops.
+"""
+
+import threading
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents import messages, topics
+from agents.agent import Agent
+from agents.controllers import Controller
+from agents.intake import Intake
+from agents.messages import MessageError
+from agents.transport import Frames, Received, subscribe_latest
+from llrp_online.configuration import RobotConfiguration
+from llrp_online.events import OdometrySample, Reading
+
+
+class Driver:
+    """Drives a robot with a controller.
+
+    Args:
+        agent: on whose session it lives.
+        configuration: the robot's.
+        controller: decides; called from one thread.
+    """
+
+    def __init__(self, agent: Agent, configuration: RobotConfiguration, controller: Controller) -> None:
+        self._controller = controller
+        self._stale_ns = round(configuration.transport.stale_s * 1e9)
+        self._intake = Intake(configuration)
+        self._turn = threading.Lock()
+        self._bits: NDArray[np.int8] | None = None
+        self._bits_ns = 0
+        self._prediction: NDArray[np.float32] | None = None
+        self._prediction_ns = 0
+        self._first_ns: int | None = None
+        self._newest_ns = 0
+        self.drops: Counter[str] = Counter()
+        self._command = Frames(agent.session, agent.key(topics.COMMAND), topics.COMMAND_TYPE)
+        names = [configuration.odometry.topic, *configuration.range_topics]
+        self._subscriptions = [subscribe_latest(agent.session, agent.key(name), self._take) for name in names]
+        self._subscriptions.append(subscribe_latest(agent.session, agent.key(topics.PREDICTION), self._see))
+
+    @property
+    def robot_s(self) -> float:
+        """Sensor time since the first odometry message."""
+        return 0.0 if self._first_ns is None else (self._newest_ns - self._first_ns) * 1e-9
+
+    def stop(self) -> None:
+        """Tell the robot to stand still."""
+        self._send(0.0, 0.0)
+
+    def _take(self, message: Received) -> None:
+        with self._turn:
+            for event in self._intake.events(message.key, message.type, message.data, self._newest_ns):
+                if isinstance(event, Reading):
+                    self._feel(event)
+                elif isinstance(event, OdometrySample):
+                    self._decide(event)
+
+    def _see(self, message: Received) -> None:
+        try:
+            cloud = messages.read_prediction(messages.decode(message.type, message.data))
+        except MessageError as error:
+            self.drops[f"prediction: {error}"] += 1
+            return
+        with self._turn:
+            self._prediction, self._prediction_ns = cloud.probabilities, cloud.t_ns
+
+    def _feel(self, reading: Reading) -> None:
+        # Each topic speaks for some of the sensors; the others keep what they said last.
+        before = np.full_like(reading.bits, -1) if self._bits is None else self._bits
+        self._bits = np.where(reading.bits < 0, before, reading.bits)
+        self._bits_ns = reading.t_ns
+
+    def _decide(self, sample: OdometrySample) -> None:
+        self._first_ns = sample.t_ns if self._first_ns is None else self._first_ns
+        self._newest_ns = sample.t_ns
+        bits = self._bits if sample.t_ns - self._bits_ns <= self._stale_ns else None
+        prediction = self._prediction if sample.t_ns - self._prediction_ns <= self._stale_ns else None
+        self._send(*self._controller.command(sample.t_ns, sample.pose, bits, prediction))
+
+    def _send(self, speed_m_s: float, turn_rad_s: float) -> None:
+        self._command.put(messages.encode(messages.twist(speed_m_s, turn_rad_s)))

@@ -1,0 +1,75 @@
+"""What agents say of themselves, as DiagnosticArray: one key a figure, lists and mappings as JSON."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from agents import messages
+from agents.topics import STATUS_TYPE
+from llrp_online.prequential import Band
+from llrp_online.status import LearnerStatus
+
+
+@dataclass(frozen=True)
+class PerceiverStatus:
+    """What the perceiver says of itself.
+
+    Attributes:
+        frames: predicted so far.
+        frames_per_s: lately, by the wall clock.
+        p50_ms: median time from the frame's sending to the prediction's, lately.
+        p99_ms: what 99 % stay below.
+        p999_ms: what 99.9 % stay below.
+        version: of the weights in use; None before the first.
+    """
+
+    frames: int
+    frames_per_s: float
+    p50_ms: float
+    p99_ms: float
+    p999_ms: float
+    version: int | None
+
+
+@dataclass(frozen=True)
+class RobotStatus:
+    """What the simulated robot says of itself; a real robot could not know its collisions.
+
+    Attributes:
+        robot_s: sensor time since it began.
+        collisions: contacts so far.
+        metres: driven so far, truly.
+    """
+
+    robot_s: float
+    collisions: int
+    metres: float
+
+
+def encode(name: str, t_ns: int, values: Mapping[str, Any]) -> bytes:
+    """A flat mapping of JSON values as the bytes of a DiagnosticArray."""
+    texts = {key: json.dumps(value) for key, value in values.items()}
+    return messages.encode(messages.diagnostic_array(t_ns, name, texts))
+
+
+def decode(data: bytes) -> dict[str, Any]:
+    """The other way; MessageError where it is none.
+
+    >>> decode(encode("robot", 0, {"robot_s": 1.5, "known": [1, 2], "version": None}))
+    {'robot_s': 1.5, 'known': [1, 2], 'version': None}
+    """
+    values = messages.read_diagnostics(messages.decode(STATUS_TYPE, data))
+    return {key: json.loads(value) if isinstance(value, str) else value for key, value in values.items()}
+
+
+def encode_learner(status: LearnerStatus, t_ns: int) -> bytes:
+    """The learner's status."""
+    return encode("learner", t_ns, {**asdict(status), "bands": [band._asdict() for band in status.bands]})
+
+
+def decode_learner(data: bytes) -> LearnerStatus:
+    """The other way."""
+    values = decode(data)
+    values["bands"] = [Band(**band) for band in values["bands"]]
+    return LearnerStatus(**values)

@@ -1,0 +1,13 @@
+"""Names and types of the topics that agents themselves speak; a robot's own are its configuration's."""
+
+COMMAND = "cmd_vel"
+COMMAND_TYPE = "geometry_msgs/msg/Twist"
+PREDICTION = "prediction"
+LABELS = "labels"
+CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
+WEIGHTS = "learner/weights"
+LEARNER_COMMAND = "learner/command"
+LEARNER_STATUS = "learner/status"
+PERCEIVER_STATUS = "perceiver/status"
+ROBOT_STATUS = "robot/status"
+STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"

@@ -1,0 +1,54 @@
+"""How agents meet and talk: Zenoh, on loopback unless told otherwise, every key under a robot's name.
+
+Three kinds of topic, each with the publisher and the subscriber that fit it:
+
+- `Frames` and `subscribe_latest`: only the newest counts (pictures, predictions). A slow reader skips some.
+- `Stream` and `subscribe_stream`: every message counts, in order (odometry, readings). What the network drops is asked
+  for again; what stays lost is counted.
+- `State` and `subscribe_state`: the last value counts, also for those who join later (weights, status).
+
+One publisher a key. Each message carries its ROS type in its encoding, `application/cdr;sensor_msgs/msg/Image`, so that
+a recorder needs no table of topics; a payload that is no ROS message has no type.
+
+Every handler runs in a thread of its own subscription, reading from a channel: a callback of Zenoh's own hides a queue
+that makes frames seconds old, and one left open hangs the process at its end.
+"""
+
+from agents.transport.presence import announce, present, watch
+from agents.transport.publish import Frames, Publisher, State, Stream
+from agents.transport.requests import NoAnswer, Refused, RequestError, call, serve
+from agents.transport.samples import Received, Sent
+from agents.transport.session import TransportError, key, open_session, topic
+from agents.transport.subscribe import (
+    Subscription,
+    subscribe_all,
+    subscribe_latest,
+    subscribe_state,
+    subscribe_stream,
+)
+
+__all__ = [
+    "Frames",
+    "NoAnswer",
+    "Publisher",
+    "Received",
+    "Refused",
+    "RequestError",
+    "Sent",
+    "State",
+    "Stream",
+    "Subscription",
+    "TransportError",
+    "announce",
+    "call",
+    "key",
+    "open_session",
+    "present",
+    "serve",
+    "subscribe_all",
+    "subscribe_latest",
+    "subscribe_state",
+    "subscribe_stream",
+    "topic",
+    "watch",
+]

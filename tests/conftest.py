@@ -1,0 +1,12 @@
+"""What holds for all tests: one thread for training, as the learner has it, and examples that do not depend on luck."""
+
+import os
+
+import torch
+from hypothesis import settings
+
+torch.set_num_threads(1)
+
+settings.register_profile("here", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "here")
