@@ -46,8 +46,9 @@ def joined(configuration: RobotConfiguration, name: str) -> Generator[Agent]:
         threading.Thread(target=_follow, args=(int(parent), stop), name="parent", daemon=True).start()
     robot = configuration.robot.name
     with open_session(configuration.transport.endpoint, name=name) as session:
-        announce(session, robot, name)
+        presence = announce(session, robot, name)
         yield Agent(session, robot, stop)
+        presence.undeclare()
 
 
 def _follow(parent: int, stop: threading.Event) -> None:

@@ -50,8 +50,10 @@ class Driver:
         """Sensor time since the first odometry message."""
         return 0.0 if self._first_ns is None else (self._newest_ns - self._first_ns) * 1e-9
 
-    def stop(self) -> None:
-        """Tell the robot to stand still."""
+    def close(self) -> None:
+        """Listen no more, and tell the robot to stand still."""
+        for subscription in self._subscriptions:
+            subscription.close()
         self._send(0.0, 0.0)
 
     def _take(self, message: Received) -> None:

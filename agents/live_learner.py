@@ -18,7 +18,7 @@ from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event
 from llrp_online.learner import Learner
 from llrp_online.publisher import Version
-from llrp_online.status import LearnerStatus
+from llrp_online.status import LearnerStatus, whole_minutes
 from replay.trajectory import LabelUpdate
 
 _LOG = logging.getLogger(__name__)
@@ -41,10 +41,11 @@ def learn_live(learner: Learner, on_minute: Callable[[int], None]) -> None:
         voice = _Voice(agent, configuration, on_minute)
         listeners = Listeners(weights=voice.weights, status=voice.status, labels=voice.labels)
         background = stack.enter_context(BackgroundLearner(learner, lambda m: _events(intake, m), listeners))
-        serve(agent.session, agent.key(topics.LEARNER_COMMAND), lambda data: _obey(background, data))
+        command = agent.key(topics.LEARNER_COMMAND)
+        stack.enter_context(serve(agent.session, command, lambda data: _obey(background, data)))
         names = [configuration.odometry.topic, *configuration.range_topics, *(c.topic for c in configuration.camera)]
         for name in names:
-            subscribe_stream(agent.session, agent.key(name), background.submit)
+            stack.enter_context(subscribe_stream(agent.session, agent.key(name), background.submit))
         _warn_if_silent(agent, intake)
         while not agent.stop.wait(0.2) and background.failure is None:
             pass
@@ -83,9 +84,9 @@ class _Voice:
 
     def status(self, now: LearnerStatus) -> None:
         self._status.put(status.encode_learner(now, self._newest_ns))
-        if now.robot_s >= 60 * (self._minute + 1):
-            self._minute = int(now.robot_s // 60)
-            self._on_minute(self._minute)
+        if (minutes := whole_minutes(now.robot_s)) > self._minute:
+            self._minute = minutes
+            self._on_minute(minutes)
 
     def labels(self, updates: list[LabelUpdate]) -> None:
         newest = updates[-1]

@@ -54,6 +54,11 @@ class Perceiver:
             for camera in configuration.camera
         ]
 
+    def close(self) -> None:
+        """Predict no more."""
+        for subscription in self._subscriptions:
+            subscription.close()
+
     def report(self) -> None:
         """Publish the status."""
         self._status.put(status.encode("perceiver", self._newest_ns, asdict(self.figures())))

@@ -14,9 +14,10 @@ ERRORS = Console(stderr=True)
 
 @contextmanager
 def bar() -> Generator[Progress]:
-    """A place for progress bars, gone when done."""
+    """A place for progress bars, gone when done; nothing at all where nobody watches."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TimeRemainingColumn(), console=ERRORS, transient=True) as progress:
+    unseen = not ERRORS.is_terminal
+    with Progress(*columns, TimeRemainingColumn(), console=ERRORS, transient=True, disable=unseen) as progress:
         yield progress
 
 

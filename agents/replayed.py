@@ -24,13 +24,13 @@ def learn_over(learner: Learner, recordings: Sequence[Path], on_minute: Callable
         for done, path in enumerate(recordings):
             intake = Intake(learner.configuration)
             for message, share in messages_of(path, intake):
-                minute = int(learner.pace.lived_s // 60)
+                minute = learner.minutes
                 for event in intake.events(message.topic, message.type, message.data, message.log_ns):
                     learner.take(event)
                     while learner.due():
                         learner.step()
-                if int(learner.pace.lived_s // 60) > minute:
-                    on_minute(minute + 1)
+                if learner.minutes > minute:
+                    on_minute(learner.minutes)
                 progress.update(task, completed=done + share)
             learner.end_recording()
             drops.update(intake.drops)

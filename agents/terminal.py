@@ -16,33 +16,18 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.panel import Panel
+from rich.styled import Styled
 from rich.table import Table
 from rich.text import Text
 
-from llrp_online.learner import LearnerStatus
+from agents.status import PerceiverStatus
+from llrp_online.status import LearnerStatus
 
 #: A status older than this is not what the learner does now.
 STALE_S = 3.0
-_BAR_CELLS = 16
+_BAR_CELLS = 18
 _RATE_S = 10.0
 _UNKNOWN = "-"
-
-
-@dataclass(frozen=True)
-class Perception:
-    """How inference goes, elsewhere.
-
-    Attributes:
-        frames_per_s: predictions a second.
-        p50_ms: median time from frame to prediction.
-        p99_ms: its 99th percentile.
-        version: of the weights that predict; None before the first.
-    """
-
-    frames_per_s: float
-    p50_ms: float
-    p99_ms: float
-    version: int | None
 
 
 @dataclass(frozen=True)
@@ -60,7 +45,7 @@ class Glance:
     status: LearnerStatus | None
     age_s: float | None = None
     steps_per_s: float | None = None
-    perception: Perception | None = None
+    perception: PerceiverStatus | None = None
     agents: Mapping[str, bool] | None = None
 
     @property
@@ -93,7 +78,8 @@ class LearnerView:
         if glance.status is None:
             parts.append(Text("no status from the learner yet", style="yellow"))
         else:
-            parts += [self._numbers(glance.status, glance), self._bands(glance.status)]
+            numbers: list[RenderableType] = [self._numbers(glance.status, glance), self._bands(glance.status)]
+            parts += [Styled(part, "dim") for part in numbers] if glance.stale else numbers
         parts.append(_agents(glance.agents or {}))
         title = f"{self._robot}: STALE" if glance.stale else self._robot
         return Panel(Group(*parts), title=title, border_style="red" if glance.stale else "cyan")
@@ -149,10 +135,10 @@ class LearnerView:
     def _bands(self, status: LearnerStatus) -> Table:
         """Known labels in all, and the prequential score of the newest frames, by distance."""
         table = Table(box=SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
-        table.add_column("distance [m]")
-        table.add_column("known labels, █ positive", min_width=_BAR_CELLS)
-        for name in ("known", "pos. %", "AUC", "n+", "n-"):
-            table.add_column(name, justify="right")
+        table.add_column("distance, m", no_wrap=True)
+        table.add_column("labels, █ positive", min_width=_BAR_CELLS, no_wrap=True)
+        for name in ("known", "pos %", "AUC", "n+", "n-"):
+            table.add_column(name, justify="right", no_wrap=True)
         inside = [(self._distance_m >= b.low_m - 1e-6) & (self._distance_m <= b.high_m + 1e-6) for b in status.bands]
         known = [int(np.array(status.known)[rows].sum()) for rows in inside]
         positives = [int(np.array(status.positives)[rows].sum()) for rows in inside]
@@ -243,7 +229,7 @@ def _bar(positive: int, known: int, most: int) -> Text:
     return Text.assemble(("█" * full, "red"), ("░" * (length - full), "blue"))
 
 
-def _perception(perception: Perception | None) -> str:
+def _perception(perception: PerceiverStatus | None) -> str:
     if perception is None:
         return _UNKNOWN
     return (

@@ -1,9 +1,9 @@
 """Driving on predictions alone, beside random turning and the proximity reflex: collisions in unseen layouts.
 
-    python bench/driving.py --checkpoint RUN/checkpoint --scenario tiles --seeds 201 202 203
+    python bench/driving.py --checkpoint RUN/checkpoint --scenario tiles
 
-Virtual time, one process: the robot, its picture, the predictor and the controller that `llrp control` runs. A collision
-is counted once a contact, however long it lasts.
+Virtual time, one process: the robot, its picture, the predictor and the controller that `llrp control` runs. A
+collision is counted once a contact, however long it lasts.
 """
 
 import argparse

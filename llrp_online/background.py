@@ -69,6 +69,7 @@ class BackgroundLearner:
         self._wake = threading.Event()
         self._calls: queue.SimpleQueue[tuple[Callable[[Learner], Any], Future[Any]]] = queue.SimpleQueue()
         self._stopping = threading.Event()
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="learner", daemon=True)
         self._told: int | None = None
         self._status_s = 0.0
@@ -98,10 +99,12 @@ class BackgroundLearner:
     def call(self, command: Callable[[Learner], Any], timeout_s: float = 30.0) -> Any:
         """Run a command on the learner, in its thread, between two steps; its result, or its error raised here."""
         if not self._thread.is_alive():
-            raise RuntimeError("the learner has stopped")
+            raise RuntimeError("the learner has stopped") from self.failure
         future: Future[Any] = Future()
         self._calls.put((command, future))
         self._wake.set()
+        if self._ended.is_set():  # between the question and the call
+            self._refuse_calls()
         return future.result(timeout_s)
 
     def stop(self, timeout_s: float = 5.0) -> None:
@@ -128,6 +131,9 @@ class BackgroundLearner:
         except BaseException as error:  # a thread that dies silently looks like one that has nothing to do
             _LOG.exception("the learner's thread has failed")
             self.failure = error
+        finally:
+            self._ended.set()
+            self._refuse_calls()
 
     def _obey(self) -> None:
         with contextlib.suppress(queue.Empty):
@@ -137,6 +143,12 @@ class BackgroundLearner:
                     future.set_result(command(self._learner))
                 except Exception as error:
                     future.set_exception(error)
+
+    def _refuse_calls(self) -> None:
+        """Nobody is left to obey: whoever waits for an answer is told, rather than left to wait."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                self._calls.get_nowait()[1].set_exception(RuntimeError("the learner has stopped"))
 
     def _take_messages(self) -> None:
         for _ in range(min(len(self._messages), _INGEST_AT_ONCE)):

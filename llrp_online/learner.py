@@ -21,7 +21,7 @@ from llrp_online.pace import Pace
 from llrp_online.predictor import Predictor
 from llrp_online.prequential import Prequential
 from llrp_online.publisher import Publisher, Version
-from llrp_online.status import LearnerStatus
+from llrp_online.status import LearnerStatus, whole_minutes
 from llrp_online.trainer import Trainer, Weights
 from replay.buffer import BufferSettings, ReplayBuffer
 from replay.trajectory import LabelUpdate
@@ -170,6 +170,11 @@ class Learner:
         self._build()
         self.publisher.go_on_from(published)
 
+    @property
+    def minutes(self) -> int:
+        """Whole robot minutes lived."""
+        return whole_minutes(self.pace.lived_s)
+
     def status(self) -> LearnerStatus:
         """What it has to say of itself."""
         newest = self.publisher.newest
@@ -225,7 +230,8 @@ class Learner:
         self._must_fit(path, tensors["weights"], manifest)
         if "pending" not in tensors:
             raise checkpoint.CheckpointError(
-                f"{path}: no online learner saved it, so there is nothing to go on from exactly; use it for a warm start"
+                f"{path}: it was not saved by an online learner, so there is nothing to go on from exactly; "
+                "use it for a warm start"
             )
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
@@ -246,17 +252,12 @@ class Learner:
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
     def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
-        for what, mine, found in zip(
-            ("targets", "sensors"),
-            _labelled(self.configuration.model_dump(mode="json")),
-            _labelled(manifest["configuration"]),
-            strict=True,
-        ):
-            if mine != found:
-                raise checkpoint.CheckpointError(
-                    f"{path}: its {what} are others than the configuration's (expected {mine}, got {found}); "
-                    "give the configuration it was trained with"
-                )
+        mine, others = _labelled(self.configuration.model_dump(mode="json")), _labelled(manifest["configuration"])
+        if mine != others:
+            raise checkpoint.CheckpointError(
+                f"{path}: its labels are of other targets or sensors than the configuration's (expected {mine}, got "
+                f"{others}); give the configuration it was trained with"
+            )
         expected = {name: array.shape for name, array in self.trainer.weights().items()}
         found = {name: array.shape for name, array in weights.items()}
         if expected != found:

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from llrp_online.prequential import Band
 
+_HAIR_S = 0.5
+
 
 @dataclass(frozen=True)
 class LearnerStatus:
@@ -45,3 +47,12 @@ class LearnerStatus:
     drift_events: int
     drops: dict[str, int]
     paused: bool
+
+
+def whole_minutes(robot_s: float) -> int:
+    """Whole robot minutes; the last tick of a drive of ten minutes is a hair short of them, and counts.
+
+    >>> whole_minutes(59.9), whole_minutes(59.0)
+    (1, 0)
+    """
+    return int((robot_s + _HAIR_S) // 60)

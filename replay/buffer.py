@@ -215,8 +215,19 @@ class ReplayBuffer:
                 self._remember(slot)
         self._offered, self.duplicates = (int(n) for n in state["offered"])
         self._random.bit_generator.state = random_state
+        self._fit()
 
     # --- inside
+
+    def _fit(self) -> None:
+        """What was saved under other settings may be split otherwise: make room as the settings have it."""
+        room = self.capacity - self.settings.recent_frames
+        while len(self._memory) > room:
+            slot = self._memory.pop()
+            del self._place[slot]
+            self._replace(slot, np.array(self._memory, np.int64))
+        while len(self._recent) > self.settings.recent_frames:
+            self._retire(self._recent.popleft())
 
     def _retire(self, slot: int) -> None:
         """A frame is no longer recent: into memory, in someone's place, or away."""

@@ -33,5 +33,5 @@ def run(arguments: argparse.Namespace) -> int:
         driver = Driver(agent, configuration, controller(arguments.behaviour, configuration, arguments.seed))
         while not agent.stop.wait(_LOOK_EVERY_S) and driver.robot_s < 60 * arguments.minutes:
             pass
-        driver.stop()
+        driver.close()
     return 0

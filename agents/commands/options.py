@@ -34,7 +34,7 @@ def add_agent(parser: argparse.ArgumentParser, default: str | None = None) -> No
 def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
     """The configuration, with what the command line says instead: --endpoint, and a learner's --seed."""
     configuration = load(arguments.config)
-    if arguments.endpoint:
+    if getattr(arguments, "endpoint", None):
         transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
         configuration = configuration.model_copy(update={"transport": transport})
     if arguments.command == "learn" and arguments.seed is not None:
@@ -86,6 +86,11 @@ def simulated_robot(
     height, width, _ = configuration.picture_shape
     picture = (height, width) if camera else None
     return SimulatedRobot(configuration.simulation, load_toml(scenario, Scenario), seed, picture)
+
+
+def speed(text: str) -> float:
+    """A factor, or `max` for as fast as it goes."""
+    return math.inf if text == "max" else float(text)
 
 
 def scenario_path(text: str) -> Path:

@@ -32,6 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
         perceiver = Perceiver(agent, configuration)
         while not agent.stop.wait(_STATUS_EVERY_S):
             perceiver.report()
+        perceiver.close()
         figures = perceiver.figures()
     print(
         f"{figures.frames} predictions; frame to prediction: p50 {figures.p50_ms:.2f} ms, p99 {figures.p99_ms:.2f} ms, "

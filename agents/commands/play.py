@@ -11,7 +11,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     parser.add_argument("recording", type=Path, metavar="RECORDING.mcap")
     options.add_agent(parser)
-    parser.add_argument("--speed", type=float, default=1.0, help="of the recording; `inf` for as fast as it goes")
+    parser.add_argument("--speed", type=options.speed, default=1.0, help="of the recording; `max`: as fast as it goes")
     parser.epilog = "example:\n  llrp play WALK.mcap --config configs/nao.toml --speed 5"
 
 

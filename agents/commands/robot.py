@@ -13,7 +13,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_world(parser)
     options.add_minutes(parser, math.inf, "of the robot's time")
     parser.add_argument(
-        "--speed", type=float, default=1.0, help="of its time; `inf` for as fast as it goes (default 1)"
+        "--speed", type=options.speed, default=1.0, help="of its time; `max`: as fast as it goes (default 1)"
     )
     parser.epilog = "example:\n  llrp robot --scenario configs/scenarios/wood.toml --speed 2"
 

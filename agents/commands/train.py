@@ -36,7 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Label, train, save."""
     configuration = load(arguments.config)
     buffer = remember(configuration, arguments.recordings)
-    trainer, loss = Trainer(configuration), float("nan")
+    trainer = Trainer(configuration)
+    loss: float | None = None
     counts = buffer.class_counts
     for _ in track(range(arguments.steps), "training", arguments.steps):
         batch = buffer.sample(configuration.training.batch)
@@ -55,7 +56,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps(summary))
     else:
-        print(f"{trainer.steps} steps over {len(buffer)} frames, last loss {loss:.4f}; saved to {arguments.output}")
+        last = "" if loss is None else f", last loss {loss:.4f}"
+        print(f"{trainer.steps} steps over {len(buffer)} frames{last}; saved to {arguments.output}")
     return 0
 
 

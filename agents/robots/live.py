@@ -73,6 +73,7 @@ class LiveRobot:
                 self._say_status()
             due_s = max(due_s + self._tick_s, time.monotonic() - _LONGEST_DELAY_S)
             self._agent.stop.wait(max(due_s - time.monotonic(), 0.0))
+        self._subscription.close()
         self._say_status()
 
     def _tick(self) -> None:

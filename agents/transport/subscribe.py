@@ -53,7 +53,7 @@ class Drain:
         self._thread.start()
 
     def close(self) -> None:
-        """Ends it. What has come is still handled, if that takes no longer than a moment; a second call does nothing."""
+        """Ends it. What has come is still handled, if that takes but a moment; a second call does nothing."""
         if self._closed:
             return
         self._closed = True

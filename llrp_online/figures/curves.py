@@ -37,7 +37,7 @@ def learning_curve(
         )
     _between_chance_and_ideal(axes)
     dress(axes, "robot time [min]", "mean AUC on held-out frames")
-    axes.set_xlim(0, max(minutes) * 1.03)
+    axes.set_xlim(0, 1.03 * max(minutes) or 1)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=10))
     _legend_below(figure, 1)
     return figure
@@ -46,8 +46,9 @@ def learning_curve(
 def auc_by_distance(score: Score, groups: Mapping[str, Sequence[int]] | None = None) -> Figure:
     """AUC by distance of the target, one line a group of sensors, with 95 % interval bands.
 
-    A line is the mean over the group's cells (target x sensor) that have an AUC, its band the mean of their intervals,
-    which is never narrower than the interval of the mean. Both are blank where no cell has one.
+    A line is the mean over the group's cells (target x sensor) that have an AUC, its band the mean of their intervals:
+    exact where the cells err together, wider than the interval of the mean where they do not. Both are blank where no
+    cell has one.
 
     Args:
         score: of an evaluation; without intervals no band is drawn.

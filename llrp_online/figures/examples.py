@@ -26,6 +26,7 @@ from llrp_online.figures.style import (
 
 _PROBABILITY = Normalize(0, 1)
 _NAMES_PT = 6.0
+_TAG = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 _CAPTION_LINES, _CHARACTERS_AN_INCH = 2, 19
 
 
@@ -125,9 +126,7 @@ def examples(
         _picture(sheet.axes(figure, x, y + sheet.gap, sheet.width, sheet.picture_height), pictures[number])
         if layout.panels > 1:
             for axes, sensor in zip(maps[1], sensors, strict=True):
-                ground = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-                corner = {"transform": axes.transAxes, "ha": "left", "va": "top", "parse_math": False}
-                axes.text(0.03, 0.97, sensor, fontsize=SMALL_PT, bbox=ground, **corner)
+                axes.annotate(sensor, (0.03, 0.97), xycoords="axes fraction", va="top", fontsize=SMALL_PT, bbox=_TAG)
     _legend(figure, sheet, layout)
     return figure
 

@@ -173,6 +173,7 @@ def test_who_joins_a_stream_late_gets_what_its_cache_holds():
     with pair() as (first, second), Stream(first, "bot/odom", ODOMETRY, cache=10) as stream:
         for i in range(25):
             stream.put(bytes([i]))
+        time.sleep(0.1)  # what is still on its way when they join would come besides
         found: list[Received] = []
         with subscribe_stream(second, "bot/odom", found.append):
             assert until(lambda: len(found) == 10)
