@@ -9,12 +9,16 @@ from dataclasses import dataclass
 
 import zenoh
 
-from agents.transport import announce, key, open_session
+from agents.transport import announce, key, open_session, present
 from llrp_online.configuration import RobotConfiguration
 
 #: Set by a program that starts agents: its process id. When it dies, however suddenly, they end too.
 PARENT = "LLRP_PARENT"
 _LOOK_EVERY_S = 0.5
+
+
+class AgentError(RuntimeError):
+    """An agent that cannot be; the message says why, and what to do."""
 
 
 @dataclass(frozen=True)
@@ -37,8 +41,14 @@ class Agent:
 
 
 @contextmanager
-def joined(configuration: RobotConfiguration, name: str) -> Generator[Agent]:
-    """Be the agent `name` of a robot until the block ends; Ctrl-C and SIGTERM set `stop`."""
+def joined(configuration: RobotConfiguration, name: str, *, alone: bool = True) -> Generator[Agent]:
+    """Be the agent `name` of a robot until the block ends; Ctrl-C and SIGTERM set `stop`.
+
+    Args:
+        configuration: the robot's.
+        name: says what it is; a robot has one learner, one controller, and so on.
+        alone: AgentError if the robot has one of this name already. Those who only listen may be many.
+    """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop.set())
@@ -46,6 +56,11 @@ def joined(configuration: RobotConfiguration, name: str) -> Generator[Agent]:
         threading.Thread(target=_follow, args=(int(parent), stop), name="parent", daemon=True).start()
     robot = configuration.robot.name
     with open_session(configuration.transport.endpoint, name=name) as session:
+        if alone and name in present(session, robot):
+            raise AgentError(
+                f"{robot} has a {name} already at {configuration.transport.endpoint}, and two would contradict each "
+                "other: end that one first, or give this one another --endpoint"
+            )
         presence = announce(session, robot, name)
         yield Agent(session, robot, stop)
         presence.undeclare()

@@ -1,6 +1,8 @@
 """The command line `llrp`: one word, one module of `agents.commands`, loaded only when it is asked for."""
 
 import argparse
+import atexit
+import gc
 import importlib
 import logging
 import sys
@@ -35,17 +37,23 @@ exit codes: 0 done, 1 could not (the reason is on standard error), 2 wrong usage
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run `llrp` with these words; the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    parser = _parser(next((word for word in words if word in COMMANDS), None))
-    parsed = parser.parse_args(words)
-    logging.basicConfig(level=logging.WARNING, format=f"llrp {parsed.command}: %(message)s", stream=sys.stderr)
+    command = next((word for word in words if word in COMMANDS), None)
+    # The interpreter's last search for garbage takes a second or two with PyTorch loaded; agents are to end in two.
+    atexit.register(gc.freeze)
     try:
+        parsed = _parser(command).parse_args(words)
+        logging.basicConfig(level=logging.WARNING, format=f"llrp {parsed.command}: %(message)s", stream=sys.stderr)
         return int(parsed.run(parsed))
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
         return 1
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f"llrp {parsed.command}: {error}", file=sys.stderr)
+    except OSError as error:
+        named = error.filename is not None and error.strerror is not None
+        print(f"llrp {command}: {f'{error.filename}: {error.strerror}' if named else error}", file=sys.stderr)
+        return 1
+    except (ValueError, RuntimeError) as error:
+        print(f"llrp {command}: {error}", file=sys.stderr)
         return 1
 
 

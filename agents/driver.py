@@ -30,9 +30,11 @@ class Driver:
 
     def __init__(self, agent: Agent, configuration: RobotConfiguration, controller: Controller) -> None:
         self._controller = controller
+        self._outputs = (len(configuration.targets.build()), len(configuration.sensors))
         self._stale_ns = round(configuration.transport.stale_s * 1e9)
         self._intake = Intake(configuration)
         self._turn = threading.Lock()
+        self._closed = False
         self._bits: NDArray[np.int8] | None = None
         self._bits_ns = 0
         self._prediction: NDArray[np.float32] | None = None
@@ -54,10 +56,14 @@ class Driver:
         """Listen no more, and tell the robot to stand still."""
         for subscription in self._subscriptions:
             subscription.close()
-        self._send(0.0, 0.0)
+        with self._turn:  # a message that is being handled must not have the last word
+            self._closed = True
+            self._send(0.0, 0.0)
 
     def _take(self, message: Received) -> None:
         with self._turn:
+            if self._closed:
+                return
             for event in self._intake.events(message.key, message.type, message.data, self._newest_ns):
                 if isinstance(event, Reading):
                     self._feel(event)
@@ -69,6 +75,9 @@ class Driver:
             cloud = messages.read_prediction(messages.decode(message.type, message.data))
         except MessageError as error:
             self.drops[f"prediction: {error}"] += 1
+            return
+        if cloud.probabilities.shape != self._outputs or not np.isfinite(cloud.probabilities).all():
+            self.drops["prediction: of another shape, or not finite"] += 1
             return
         with self._turn:
             self._prediction, self._prediction_ns = cloud.probabilities, cloud.t_ns
@@ -82,9 +91,13 @@ class Driver:
     def _decide(self, sample: OdometrySample) -> None:
         self._first_ns = sample.t_ns if self._first_ns is None else self._first_ns
         self._newest_ns = sample.t_ns
-        bits = self._bits if sample.t_ns - self._bits_ns <= self._stale_ns else None
-        prediction = self._prediction if sample.t_ns - self._prediction_ns <= self._stale_ns else None
+        bits = self._bits if self._is_fresh(self._bits_ns) else None
+        prediction = self._prediction if self._is_fresh(self._prediction_ns) else None
         self._send(*self._controller.command(sample.t_ns, sample.pose, bits, prediction))
+
+    def _is_fresh(self, t_ns: int) -> bool:
+        # What is far ahead of the clock is from before the clock was set back: as old as can be.
+        return abs(self._newest_ns - t_ns) <= self._stale_ns
 
     def _send(self, speed_m_s: float, turn_rad_s: float) -> None:
         self._command.put(messages.encode(messages.twist(speed_m_s, turn_rad_s)))

@@ -98,9 +98,10 @@ class Intake:
 
     def missing(self) -> Missing | None:
         """The configured topics that have not come so far; None if all have."""
-        came = {self._relative(topic) for topic in self._came}
+        seen = dict(self._came)  # a copy: it may be asked from another thread than the one that takes messages in
+        came = {self._relative(topic) for topic in seen}
         topics = tuple(topic for topic in self._takers if topic not in came)
-        return Missing(topics, dict(self._came)) if topics else None
+        return Missing(topics, seen) if topics else None
 
     def _relative(self, topic: str) -> str:
         return relative_topic(self._robot, topic)

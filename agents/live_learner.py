@@ -1,10 +1,13 @@
 """The learner agent: subscribes to a robot's sensors, learns in the background, publishes weights and status."""
 
+import inspect
 import json
 import logging
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +15,7 @@ from agents import messages, status, topics, weights
 from agents.agent import Agent, joined
 from agents.intake import Intake
 from agents.offline import report_drops
-from agents.transport import Frames, Received, State, serve, subscribe_stream
+from agents.transport import Frames, Received, State, Subscription, serve, subscribe_stream
 from llrp_online.background import BackgroundLearner, Listeners
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event
@@ -38,19 +41,20 @@ def learn_live(learner: Learner, on_minute: Callable[[int], None]) -> None:
     configuration = learner.configuration
     intake = Intake(configuration)
     with joined(configuration, "learner") as agent, ExitStack() as stack:
-        voice = _Voice(agent, configuration, on_minute)
+        voice = _Voice(agent, configuration, intake, on_minute)
         listeners = Listeners(weights=voice.weights, status=voice.status, labels=voice.labels)
         background = stack.enter_context(BackgroundLearner(learner, lambda m: _events(intake, m), listeners))
         command = agent.key(topics.LEARNER_COMMAND)
         stack.enter_context(serve(agent.session, command, lambda data: _obey(background, data)))
         names = [configuration.odometry.topic, *configuration.range_topics, *(c.topic for c in configuration.camera)]
         for name in names:
-            stack.enter_context(subscribe_stream(agent.session, agent.key(name), background.submit))
+            subscription = subscribe_stream(agent.session, agent.key(name), background.submit)
+            voice.subscriptions[name] = stack.enter_context(subscription)
         _warn_if_silent(agent, intake)
         while not agent.stop.wait(0.2) and background.failure is None:
             pass
         background.stop()
-        report_drops(configuration.robot.name, intake.drops + learner.labeller.drops + background.drops)
+        report_drops(configuration.robot.name, voice.drops() + learner.labeller.drops + background.drops)
     if background.failure is not None:
         raise RuntimeError(f"the learner has failed: {background.failure!r}") from background.failure
 
@@ -69,7 +73,11 @@ def _events(intake: Intake, message: Received) -> list[Event]:
 class _Voice:
     """What the learner tells others, from its thread."""
 
-    def __init__(self, agent: Agent, configuration: RobotConfiguration, on_minute: Callable[[int], None]) -> None:
+    def __init__(
+        self, agent: Agent, configuration: RobotConfiguration, intake: Intake, on_minute: Callable[[int], None]
+    ) -> None:
+        self.subscriptions: dict[str, Subscription] = {}
+        self._intake = intake
         self._targets, self._sensors = configuration.targets.build().poses, configuration.sensors
         self._weights = State(agent.session, agent.key(topics.WEIGHTS), "")
         self._status = State(agent.session, agent.key(topics.LEARNER_STATUS), topics.STATUS_TYPE)
@@ -79,10 +87,16 @@ class _Voice:
         self._minute = 0
         self._on_minute = on_minute
 
+    def drops(self) -> Counter[str]:
+        """What never came, or came and could not be read."""
+        missed = {f"{name}: sent and never came": s.missed for name, s in tuple(self.subscriptions.items())}
+        return self._intake.drops + Counter(missed)
+
     def weights(self, version: Version) -> None:
         self._weights.put(weights.encode(version.weights, version.number))
 
     def status(self, now: LearnerStatus) -> None:
+        now = replace(now, drops={**now.drops, **self.drops()})
         self._status.put(status.encode_learner(now, self._newest_ns))
         if (minutes := whole_minutes(now.robot_s)) > self._minute:
             self._minute = minutes
@@ -100,12 +114,25 @@ class _Voice:
 
 def _obey(background: BackgroundLearner, data: bytes) -> bytes:
     """A request such as {"command": "save", "path": "runs/a"}; the reply is JSON too."""
-    request = json.loads(data)
-    command = request.pop("command", None)
-    if command not in _COMMANDS:
-        raise ValueError(f"command {command!r}: expected one of {sorted(_COMMANDS)}")
-    result = background.call(lambda learner: _COMMANDS[command](learner, **request))
-    return json.dumps({"command": command, "result": result}).encode()
+    name, command, arguments = _understood(data)
+    result = background.call(lambda learner: command(learner, **arguments))
+    return json.dumps({"command": name, "result": result}).encode()
+
+
+def _understood(data: bytes) -> tuple[str, Callable[..., Any], dict[str, Any]]:
+    """Name, command and its arguments; ValueError says what was expected."""
+    try:
+        request = json.loads(data)
+    except ValueError as error:
+        raise ValueError(f'a request is JSON such as {{"command": "pause"}}, got {data[:40]!r}') from error
+    if not isinstance(request, dict) or request.get("command") not in list(_COMMANDS):
+        raise ValueError(f'expected {{"command": one of {sorted(_COMMANDS)}, ...}}, got {request!r}')
+    name = str(request.pop("command"))
+    wanted = {key: value.annotation for key, value in list(inspect.signature(_COMMANDS[name]).parameters.items())[1:]}
+    if {key: type(value) for key, value in request.items()} != wanted:
+        words = ", ".join(f"{key} ({kind.__name__})" for key, kind in wanted.items()) or "nothing else"
+        raise ValueError(f"{name}: expected {words} beside the command, got {request!r}")
+    return name, _COMMANDS[name], request
 
 
 def _pause(learner: Learner) -> bool:

@@ -68,7 +68,8 @@ class Perceiver:
         latencies = list(self._latencies_ms) or [float("nan")]
         p50, p99, p999 = (float(value) for value in np.percentile(latencies, [50, 99, 99.9]))
         lately = [t for t in list(self._arrivals_s) if t > time.monotonic() - 2.0]
-        return status.PerceiverStatus(self._frames, len(lately) / 2.0, p50, p99, p999, self._predictor.version)
+        drops = dict(self.drops + self._intake.drops)
+        return status.PerceiverStatus(self._frames, len(lately) / 2.0, p50, p99, p999, self._predictor.version, drops)
 
     def _take_weights(self, message: Received) -> None:
         try:

@@ -6,6 +6,7 @@ RUN/report.json     figures; report.html shows them
 """
 
 import re
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -28,11 +29,17 @@ class RunFolder:
         self.path = path
         self._at_minutes = frozenset(at_minutes)
         path.mkdir(parents=True, exist_ok=True)
+        checkpoint.must_be_free(self.checkpoint)
 
     @property
     def checkpoint(self) -> Path:
         """Of the end."""
         return self.path / "checkpoint"
+
+    def begin(self) -> None:
+        """A new run: the minutes of an earlier one in the same folder are not its own."""
+        if (folder := self.path / _MINUTES).is_dir():
+            shutil.rmtree(folder)
 
     def keep_minute(self, minute: int, learner: Learner) -> None:
         """Keep the weights, if this minute was asked for."""

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from agents import messages
@@ -22,6 +22,7 @@ class PerceiverStatus:
         p99_ms: what 99 % stay below.
         p999_ms: what 99.9 % stay below.
         version: of the weights in use; None before the first.
+        drops: what could not be used.
     """
 
     frames: int
@@ -30,6 +31,7 @@ class PerceiverStatus:
     p99_ms: float
     p999_ms: float
     version: int | None
+    drops: dict[str, int] = field(default_factory=dict[str, int])
 
 
 @dataclass(frozen=True)

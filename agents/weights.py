@@ -3,6 +3,7 @@
 import json
 import struct
 
+import numpy as np
 import safetensors
 import safetensors.numpy
 
@@ -26,10 +27,14 @@ def encode(weights: FloatArrays, version: int) -> bytes:
 
 
 def decode(data: bytes) -> tuple[FloatArrays, int]:
-    """The weights and their version; WeightsError where the bytes are damaged."""
+    """The weights and their version; WeightsError where the bytes are damaged, or a weight is no number."""
     try:
         (size,) = _HEADER.unpack_from(data)
         header = json.loads(data[_HEADER.size : _HEADER.size + size])
-        return safetensors.numpy.load(data), int(header["__metadata__"]["version"])
-    except (struct.error, ValueError, KeyError, safetensors.SafetensorError) as error:
+        arrays, version = safetensors.numpy.load(data), int(header["__metadata__"]["version"])
+    # Any JSON may stand where the header should.
+    except (struct.error, ValueError, KeyError, TypeError, safetensors.SafetensorError) as error:
         raise WeightsError(f"not weights with a version: {error!r}") from error
+    if bad := [name for name, array in arrays.items() if not np.isfinite(array).all()]:
+        raise WeightsError(f"weights, version {version}: not finite (NaN or infinite): {', '.join(bad)}")
+    return arrays, version

@@ -28,7 +28,8 @@ _LOG = logging.getLogger(__name__)
 _QUEUE = 4096
 #: The thread looks up this often when nothing comes.
 _IDLE_S = 0.05
-#: Messages ingested between two training steps, so that a flood cannot keep the learner from learning.
+#: Between two training steps it takes in half of what waits, but at least so many messages: the deeper the queue, the
+#: rarer a step. A step let go can be made up for, a reading lost cannot; and no flood stops learning altogether.
 _INGEST_AT_ONCE = 256
 _STATUS_EVERY_S = 1.0
 #: Lowest priority: perception and control come first.
@@ -151,7 +152,10 @@ class BackgroundLearner:
                 self._calls.get_nowait()[1].set_exception(RuntimeError("the learner has stopped"))
 
     def _take_messages(self) -> None:
-        for _ in range(min(len(self._messages), _INGEST_AT_ONCE)):
+        waiting = len(self._messages)
+        for _ in range(min(waiting, max(_INGEST_AT_ONCE, waiting // 2))):
+            if self._stopping.is_set() or not self._calls.empty():
+                return
             for event in self._ingest(self._messages.popleft()):
                 updates = self._learner.take(event)
                 if updates:
@@ -177,7 +181,7 @@ class BackgroundLearner:
             return
         self._status_s = now_s
         status = self._learner.status()
-        self._tell.status(replace(status, drops={**status.drops, **self.drops}))
+        self._tell.status(replace(status, drops={**status.drops, **self.drops}, backlog=self.backlog))
 
 
 def _lower_priority() -> None:

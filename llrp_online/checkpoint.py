@@ -64,6 +64,13 @@ def save(path: str | Path, tensors: Mapping[str, Arrays], manifest: Mapping[str,
         shutil.rmtree(retired)
 
 
+def must_be_free(path: str | Path) -> None:
+    """CheckpointError where `save` would refuse to write: ask before the work, not after it."""
+    path = Path(path).resolve()
+    if path.exists() and not (path / MANIFEST).is_file() and (not path.is_dir() or any(path.iterdir())):
+        raise CheckpointError(f"{path}: exists and is no checkpoint (no {MANIFEST}); not replaced: give another path")
+
+
 def load(path: str | Path) -> tuple[dict[str, dict[str, NDArray[Any]]], dict[str, Any]]:
     """What `save` was given: tensors and manifest. CheckpointError if it is missing, damaged or of another format."""
     path = Path(path).resolve()
@@ -125,8 +132,7 @@ def _check(path: Path, tensors: Mapping[str, Arrays], manifest: Mapping[str, Any
         json.dumps(dict(manifest), allow_nan=False)
     except (TypeError, ValueError) as error:
         raise CheckpointError(f"{path}: the manifest cannot be written as JSON: {error}") from error
-    if path.exists() and not (path / MANIFEST).is_file() and (not path.is_dir() or any(path.iterdir())):
-        raise CheckpointError(f"{path}: exists and is no checkpoint (no {MANIFEST}); not replaced: give another path")
+    must_be_free(path)
 
 
 def _read_manifest(file: Path) -> dict[str, Any]:

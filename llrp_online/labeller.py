@@ -4,7 +4,9 @@ The learner lives on it, and so does all that works offline (`llrp label`, `trai
 """
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,9 @@ from llrp_online.events import Event, OdometrySample, Reading
 from llrp_online.odometry import MotionNoise
 from llrp_online.synchroniser import Synchroniser
 from replay.trajectory import LabelUpdate, TrajectoryStore
+
+#: What the synchroniser's arrays are called by beside the store's.
+_CAMERAS = "cameras."
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +95,17 @@ class Labeller:
             outcome.updates.extend(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
             self.next_id += 1
         return outcome
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that waits, as arrays for `restore`."""
+        cameras = {f"{_CAMERAS}{name}": array for name, array in self._synchroniser.state().items()}
+        return {**self.store.state(), **cameras}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Wait for what `state` waited for."""
+        self.store.restore({name: array for name, array in state.items() if not name.startswith(_CAMERAS)})
+        cameras = {name: array for name, array in state.items() if name.startswith(_CAMERAS)}
+        self._synchroniser.restore({name.removeprefix(_CAMERAS): array for name, array in cameras.items()})
 
     def end_trajectory(self) -> list[LabelUpdate]:
         """A new recording, or a robot that was carried off: every frame closes."""

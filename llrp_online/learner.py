@@ -197,6 +197,7 @@ class Learner:
             drift_events=self._drift_count,
             drops=dict(self.labeller.drops),
             paused=self.paused,
+            sizes={**self.labeller.store.sizes, **self.buffer.sizes},
         )
 
     # --- to disk and back
@@ -210,7 +211,7 @@ class Learner:
             "weights": dict(self.trainer.weights() if newest is None else newest.weights),
             "training": training,
             "memory": self.buffer.state(),
-            "pending": self.labeller.store.state(),
+            "pending": self.labeller.state(),
         }
         if held:
             tensors["held_out"] = held
@@ -220,6 +221,7 @@ class Learner:
             "training": training_values,
             "memory_random": self.buffer.random_state(),
             "pace": self.pace.state(),
+            "publisher": self.publisher.state(),
             "next_id": self.labeller.next_id,
         }
         checkpoint.save(path, tensors, manifest)
@@ -236,9 +238,10 @@ class Learner:
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
         self._restore_memory(tensors, manifest)
-        self.labeller.store.restore(tensors["pending"])
+        self.labeller.restore(tensors["pending"])
         self.held_out.restore(tensors.get("held_out", {}))
         self.pace.restore(manifest["pace"])
+        self.publisher.restore(manifest["publisher"])
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
     def warm_start(self, path: str | Path, *, memory: bool = True) -> None:

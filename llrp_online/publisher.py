@@ -1,9 +1,11 @@
 """Which weights go out: a version that recent held-out frames judge not worse; old ones are kept for roll-back."""
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from llrp_online.configuration.learning import Publishing
 from llrp_online.trainer import Weights
@@ -70,14 +72,18 @@ class Publisher:
         """Publish `weights` unless the held-out slice finds them worse than the newest; the new version, or None.
 
         The gate stays open for the first `trust_after_s`: early on every learner gets worse before it gets better.
+        Weights that are not finite never pass.
         """
         self._start_ns = t_ns if self._start_ns is None else self._start_ns
         self._tried_ns = t_ns
+        if not all(np.isfinite(values).all() for values in weights.values()):
+            self.rejected += 1
+            return None
         loss = None if held_out is None else self._judge(weights, held_out)
         trusted = t_ns - self._start_ns < self._settings.trust_after_s * 1e9
         if not trusted and self.newest is not None and held_out is not None and loss is not None:
             now = self._judge(self.newest.weights, held_out)
-            if now is not None and (math.isnan(loss) or loss > now * (1 + self._settings.margin)):
+            if now is not None and loss > now * (1 + self._settings.margin):
                 self.rejected += 1
                 return None
         return self.publish(weights, t_ns, loss)
@@ -94,6 +100,15 @@ class Publisher:
             if version.number == number:
                 return version
         raise KeyError(f"version {number} is not kept; kept: {self.kept}")
+
+    def state(self) -> dict[str, int | None]:
+        """JSON values for `restore`; the versions themselves stay behind."""
+        return {"published": self._published, "start_ns": self._start_ns, "tried_ns": self._tried_ns}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Go on by the same clock."""
+        self.go_on_from(state["published"])
+        self._start_ns, self._tried_ns = state["start_ns"], state["tried_ns"]
 
     def go_on_from(self, number: int) -> None:
         """Count on from a number, after a checkpoint was loaded."""

@@ -1,6 +1,6 @@
 """What the learner says of itself: a plain value, for those who watch without having PyTorch."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from llrp_online.prequential import Band
 
@@ -28,6 +28,8 @@ class LearnerStatus:
         drift_events: how many so far.
         drops: what could not be used.
         paused: told to.
+        sizes: rows of every ring and memory, and the bytes of the pictures waiting, by name.
+        backlog: messages that have come and are not taken in yet.
     """
 
     robot_s: float
@@ -47,6 +49,8 @@ class LearnerStatus:
     drift_events: int
     drops: dict[str, int]
     paused: bool
+    sizes: dict[str, int] = field(default_factory=dict[str, int])
+    backlog: int = 0
 
 
 def whole_minutes(robot_s: float) -> int:

@@ -1,7 +1,9 @@
 """One frame from several cameras: the pictures taken nearest in time to each picture of the first camera."""
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +63,24 @@ class Synchroniser:
                     pending.remove(used)
                 frames.append(Frame(first.t_ns, np.concatenate([p.pixels for p in pictures], -1)))
         return frames
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """The pictures that wait, as arrays for `restore`; empty where none does."""
+        waiting = [picture for pending in self._pending for picture in pending]
+        if not waiting:
+            return {}
+        return {
+            "t_ns": np.array([picture.t_ns for picture in waiting], np.int64),
+            "camera": np.array([picture.camera for picture in waiting], np.int64),
+            "pixels": np.stack([picture.pixels for picture in waiting]),
+        }
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Wait for the partners of the pictures that `state` gave, and of no others."""
+        self.clear()
+        if state:
+            for t_ns, camera, pixels in zip(state["t_ns"], state["camera"], state["pixels"], strict=True):
+                self._pending[camera].append(Picture(int(t_ns), int(camera), pixels))
 
     def clear(self) -> None:
         """Forget the pictures that wait: nothing that comes belongs to them."""

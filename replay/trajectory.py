@@ -162,9 +162,11 @@ class TrajectoryStore:
         return self._emit(self._offer(stream, row)) + self._close()
 
     def add_frame(self, frame_id: int, t_ns: int, picture: NDArray[np.uint8]) -> list[LabelUpdate]:
-        """Take in a frame; `frame_id` must be new."""
+        """Take in a frame; `frame_id` must be new. One that comes too late is closed at once."""
         if not self._in_time(t_ns, "frame"):
-            return []
+            shape = (self._targets, self._sensors)
+            unknown = np.full(shape, UNKNOWN, np.int8)
+            return [LabelUpdate(frame_id, t_ns, unknown, np.zeros(shape, np.float32), None, closed=True, posed=False)]
         self._pictures[frame_id] = picture
         self._picture_bytes += picture.nbytes
         row = self._frames.insert(t_ns, {"id": frame_id, "trajectory": -1, "labels": UNKNOWN, "best": np.inf})

@@ -39,12 +39,14 @@ def run(arguments: argparse.Namespace) -> int:
         found[str(path)] = checker.findings()
     if arguments.live:
         checker = Checker(configuration)
-        with joined(configuration, "check") as agent:
+        with (
+            joined(configuration, "check", alone=False) as agent,
             subscribe_all(
                 agent.session,
                 agent.robot,
                 lambda m: checker.add(Message(m.key, m.type, 0 if m.sent is None else m.sent.wall_ns, m.data)),
-            )
+            ),
+        ):
             agent.stop.wait(arguments.seconds)
         found[configuration.robot.name] = checker.findings()
     if arguments.json:

@@ -3,12 +3,14 @@
 import argparse
 import json
 import signal
+import sys
 import threading
 from pathlib import Path
 
 from agents.commands import options
 from agents.demo.reporting import report
 from agents.demo.show import Plan, show
+from agents.run_folder import RunFolder
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -45,12 +47,18 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.speed,
         output,
     )
+    if plan.recording.exists():
+        raise ValueError(
+            f"{output}: holds a run already, which is never overwritten; remove it or give another --output"
+        )
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop.set())
     outcome = show(plan, configuration, stop)
     if stop.is_set():
-        print(f"stopped; what was learned until then is in {output}/checkpoint")
+        learned = RunFolder(output, []).checkpoint
+        kept = f"what was learned until then is in {learned}" if learned.exists() else "nothing was learned yet"
+        print(f"stopped; {kept}", file=sys.stderr)
         return 130
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)

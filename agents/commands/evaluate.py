@@ -37,7 +37,10 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = load(arguments.config)
     tensors, _ = checkpoint.load(arguments.checkpoint)
     exam = exam_of(configuration, arguments.recordings)
-    score = exam.score(tensors["weights"], rounds=arguments.rounds, seed=arguments.seed)
+    try:
+        score = exam.score(tensors["weights"], rounds=arguments.rounds, seed=arguments.seed)
+    except ValueError as error:
+        raise ValueError(f"{arguments.checkpoint}, with {arguments.config}: {error}") from error
     if arguments.json:
         print(json.dumps(score.as_json()))
     else:

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from agents.run_folder import RunFolder
 from agents.tables import print_bands, print_score
 from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
+
+_LOG = logging.getLogger(__name__)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -47,10 +50,14 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.warm_start:
         learner.warm_start(arguments.warm_start, memory=not arguments.without_memory)
     folder = RunFolder(arguments.output, arguments.at_minutes)
+    if not arguments.resume:
+        folder.begin()
     if arguments.recordings is None:
         learn_live(learner, lambda minute: folder.keep_minute(minute, learner))
     else:
         learn_over(learner, arguments.recordings, lambda minute: folder.keep_minute(minute, learner))
+    if not learner.status().labelled:
+        _LOG.warning("no label became known, so nothing was learned: see `llrp check` for the likely cause")
     learner.publish_now()
     learner.save(folder.checkpoint)
     curve = (

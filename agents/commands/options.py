@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,6 +57,13 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 def add_output(parser: argparse.ArgumentParser, what: str) -> None:
     """--output."""
     parser.add_argument("--output", type=Path, required=True, help=what)
+
+
+def make_folder(output: Path) -> None:
+    """The folder of what a command will write, made now: what cannot be written is an error before the work."""
+    output.parent.mkdir(parents=True, exist_ok=True)
+    if not os.access(output.parent, os.W_OK):
+        raise ValueError(f"{output}: cannot be written: no right to write in its folder")
 
 
 def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> None:

@@ -34,8 +34,8 @@ def run(arguments: argparse.Namespace) -> int:
             perceiver.report()
         perceiver.close()
         figures = perceiver.figures()
-    print(
-        f"{figures.frames} predictions; frame to prediction: p50 {figures.p50_ms:.2f} ms, p99 {figures.p99_ms:.2f} ms, "
-        f"p99.9 {figures.p999_ms:.2f} ms"
-    )
+    times = f"p50 {figures.p50_ms:.2f} ms, p99 {figures.p99_ms:.2f} ms, p99.9 {figures.p999_ms:.2f} ms"
+    print(f"{figures.frames} predictions" + (f"; frame to prediction: {times}" if figures.frames else ""))
+    for what, count in figures.drops.items():
+        print(f"dropped {count}: {what}")
     return 0

@@ -30,6 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Record."""
     configuration = options.load_configuration(arguments)
+    options.make_folder(arguments.output)
     if arguments.simulate:
         if math.isinf(arguments.minutes):
             raise ValueError("--simulate needs an end: give --minutes")
@@ -70,7 +71,7 @@ def record_simulated(
 def _record_live(configuration: RobotConfiguration, arguments: argparse.Namespace) -> int:
     from agents.recorder import Recorder
 
-    with joined(configuration, "recorder") as agent:
+    with joined(configuration, "recorder", alone=False) as agent:
         with Recorder(agent.session, agent.robot, arguments.output) as recorder:
             while not agent.stop.wait(0.1) and recorder.error is None:
                 pass

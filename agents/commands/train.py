@@ -35,6 +35,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Label, train, save."""
     configuration = load(arguments.config)
+    options.make_folder(arguments.output)
+    checkpoint.must_be_free(arguments.output)
     buffer = remember(configuration, arguments.recordings)
     trainer = Trainer(configuration)
     loss: float | None = None

@@ -10,8 +10,8 @@ from typing import Self
 
 from agents.agent import PARENT
 
-#: Agents end within this after SIGTERM; who does not is killed.
-_GRACE_S = 5.0
+#: Who has not ended so long after SIGTERM is killed. Two seconds do, but a learner on a slow disk is not to be cut off.
+_GRACE_S = 15.0
 
 
 class AgentDied(RuntimeError):  # noqa: N818 - says what happened
@@ -57,14 +57,18 @@ class Fleet:
         """Name -> is its process running."""
         return {name: process.poll() is None for name, process in self._processes.items()}
 
+    def pids(self) -> dict[str, int]:
+        """Name -> its process id."""
+        return {name: process.pid for name, process in self._processes.items()}
+
     def ended_well(self, name: str) -> bool:
         """Has the agent ended with exit code 0?"""
         return self._processes[name].poll() == 0
 
-    def check(self) -> None:
-        """AgentDied if an agent has ended in error."""
+    def check(self, may_end: str = "") -> None:
+        """AgentDied if an agent has ended: in error, or at all if it is not the one that `may_end`."""
         for name, process in self._processes.items():
-            if process.poll() not in (None, 0):
+            if process.poll() not in ((None, 0) if name == may_end else (None,)):
                 log = self._logs / f"{name}.log"
                 last = "\n".join(log.read_text(errors="replace").splitlines()[-5:])
                 raise AgentDied(f"{name} ended with exit code {process.returncode}; {log} ends with:\n{last}")

@@ -1,6 +1,5 @@
 """The demo itself: explore while learning, then drive on what was learned."""
 
-import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from agents.demo.watch import Watch
 from agents.progress import ERRORS
 from agents.status import PerceiverStatus, RobotStatus
 from agents.terminal import LearnerView, Terminal
-from agents.transport import open_session, present
+from agents.transport import free_endpoint, open_session, present
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.status import LearnerStatus
 
@@ -60,7 +59,7 @@ class Outcome:
 
 def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -> Outcome:
     """Run it to its end, or until `stop` is set."""
-    endpoint = f"tcp/127.0.0.1:{_free_port()}"
+    endpoint = free_endpoint()
     robot = configuration.robot.name
     view = LearnerView(robot, configuration.targets.build().poses)
     with (
@@ -74,7 +73,7 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
             waited_s = 0.0
             while not done() and not stop.is_set() and (limit_s is None or waited_s < limit_s):
                 terminal.show(watch.glance(fleet.alive()))
-                fleet.check()
+                fleet.check(may_end="controller")
                 stop.wait(_LOOK_EVERY_S)
                 waited_s += _LOOK_EVERY_S
             return done()
@@ -99,13 +98,8 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
             fleet.stop("controller")
             fleet.start("controller", *drive, "avoid", "--minutes", str(plan.drive_minutes))
             until(lambda: fleet.ended_well("controller"))
-        fleet.stop("robot", "controller")
-        fleet.stop("learner", "perceiver")
-        fleet.stop("recorder")
+        if not stop.is_set():  # who was interrupted wants it over at once, and all end together
+            fleet.stop("robot", "controller")
+            fleet.stop("learner", "perceiver")
+            fleet.stop("recorder")
         return Outcome(watch.learner, watch.perceiver, explored, watch.robot)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

@@ -18,7 +18,7 @@ from agents.transport.presence import announce, present, watch
 from agents.transport.publish import Frames, Publisher, State, Stream
 from agents.transport.requests import NoAnswer, Refused, RequestError, call, serve
 from agents.transport.samples import Received, Sent
-from agents.transport.session import TransportError, key, open_session, topic
+from agents.transport.session import TransportError, free_endpoint, key, open_session, topic
 from agents.transport.subscribe import (
     Subscription,
     subscribe_all,
@@ -41,6 +41,7 @@ __all__ = [
     "TransportError",
     "announce",
     "call",
+    "free_endpoint",
     "key",
     "open_session",
     "present",

@@ -2,6 +2,7 @@
 
 import json
 import re
+import socket
 from collections.abc import Sequence
 
 import zenoh
@@ -43,6 +44,13 @@ def open_session(
         except zenoh.ZError as error:
             reasons.append(f"{'listen' if hubs else 'connect'}: {str(error).split(' at /')[0]}")
     raise TransportError(f"{endpoint}: cannot meet there; expected such as tcp/127.0.0.1:7447; {'; '.join(reasons)}")
+
+
+def free_endpoint() -> str:
+    """An endpoint on loopback that nobody else uses: for agents that only one program starts."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def key(robot: str, topic: str) -> str:

@@ -75,6 +75,8 @@ class Drain:
             try:
                 handler(item)
             except Exception:
+                if self._abandoned:  # it has outlived its session, and failed for that
+                    break
                 self.failed += 1
                 logger.exception("%s: the handler failed (%d so far)", self._thread.name, self.failed)
             if self._abandoned:

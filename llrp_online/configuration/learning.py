@@ -68,7 +68,7 @@ class Publishing(Table):
 
     every_s: float = Field(default=2.0, gt=0, description="try this often, by the sensors' clock [s]")
     held_out_share: float = Field(
-        default=0.1, ge=0, le=0.5, description="share of frames kept back to judge new weights"
+        default=0.1, ge=0, le=0.5, description="share of frames kept back to judge new weights, rounded to one in n"
     )
     held_out_block_s: float = Field(
         default=2.0, gt=0, description="kept back in blocks this long, neighbours being alike [s]"

@@ -21,7 +21,12 @@ class Control(Table):
 
     speed_m_s: float = Field(default=0.12, gt=0, description="forward")
     turn_rad_s: float = Field(default=1.5, gt=0, description="in place")
-    threshold: float = Field(default=0.5, gt=0, lt=1, description="predicted probability that counts as an obstacle")
+    threshold: float = Field(
+        default=0.15,
+        gt=0,
+        lt=1,
+        description="predicted probability that counts as an obstacle; low, as running into one costs more than a turn",
+    )
     clearance_m: float = Field(default=0.12, gt=0, description="predicted clearance at which it turns away")
     stroke_m: float = Field(
         default=0.30, gt=0, description="acquisition: how far back and forth, the paper's 30 cm [m]"

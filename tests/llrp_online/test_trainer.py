@@ -151,6 +151,9 @@ def test_become_begins_anew_from_the_weights():
     pupil.become(weights)
     assert same(pupil.weights(), weights)
     assert same(pupil.network.weights(), weights)
+    assert not any(
+        name.startswith("exp_avg") for name in pupil.state()[0]
+    )  # the optimiser's memory was of the old ones
     pupil.step(batch(), EVEN)
     assert same(teacher.weights(), weights)  # the pupil has a copy
     with pytest.raises(RuntimeError, match=r"dense\.bias"):

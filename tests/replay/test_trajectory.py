@@ -144,6 +144,15 @@ def test_a_late_message_is_dropped_and_counted():
     assert store.drops == {"reading: later than max_delay_s = 1 s allows": 1}
 
 
+def test_a_frame_that_comes_too_late_is_closed_at_once():
+    store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05), OdometryLimits(max_delay_s=1.0))
+    store.add_odometry(10**10, np.zeros(3))
+    [update] = store.add_frame(3, 10**9, PICTURE)
+    assert (update.frame_id, update.closed, update.posed) == (3, True, False)
+    assert (update.labels == -1).all()
+    assert store.sizes["frames"] == store.sizes["picture_bytes"] == 0
+
+
 def test_nan_odometry_is_dropped_and_counted():
     store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05), OdometryLimits())
     store.add_odometry(0, np.array([0.0, np.nan, 0.0]))
