@@ -3,18 +3,21 @@
 import os
 import signal
 import threading
+import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 import zenoh
 
-from agents.transport import announce, key, open_session, present
+from agents.transport import announce, key, open_session, watch_elder
 from llrp_online.configuration import RobotConfiguration
 
 #: Set by a program that starts agents: its process id. When it dies, however suddenly, they end too.
 PARENT = "LLRP_PARENT"
 _LOOK_EVERY_S = 0.5
+#: Links to the agents that are there come within this, mostly; one that is met later is given way to then.
+_MEET_S = 0.5
 
 
 class AgentError(RuntimeError):
@@ -55,15 +58,25 @@ def joined(configuration: RobotConfiguration, name: str, *, alone: bool = True) 
     if parent := os.environ.get(PARENT):
         threading.Thread(target=_follow, args=(int(parent), stop), name="parent", daemon=True).start()
     robot = configuration.robot.name
+    since_ns, elder = time.time_ns(), threading.Event()
+
+    def give_way() -> None:
+        elder.set()
+        stop.set()
+
     with open_session(configuration.transport.endpoint, name=name) as session:
-        if alone and name in present(session, robot):
-            raise AgentError(
-                f"{robot} has a {name} already at {configuration.transport.endpoint}, and two would contradict each "
-                "other: end that one first, or give this one another --endpoint"
-            )
-        presence = announce(session, robot, name)
-        yield Agent(session, robot, stop)
+        presence = announce(session, robot, name, since_ns)
+        if alone:
+            watch_elder(session, robot, name, since_ns, give_way)
+            elder.wait(_MEET_S)
+        if not elder.is_set():
+            yield Agent(session, robot, stop)
         presence.undeclare()
+    if elder.is_set():
+        raise AgentError(
+            f"{robot} has a {name} already at {configuration.transport.endpoint}, and two would contradict each other: "
+            "end that one first, or give this one another --endpoint"
+        )
 
 
 def _follow(parent: int, stop: threading.Event) -> None:

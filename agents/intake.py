@@ -77,6 +77,7 @@ class Intake:
         self._sensors = [
             _Sensor(i, s.topic, s.field, s.below, s.above) for i, s in enumerate(configuration.short_range)
         ]
+        self._types = self._expected_types(configuration)
         self._takers: dict[str, list[Callable[[str, str, bytes, int], Event | None]]] = {}
         self._cameras: dict[str, int] = {}
         self._came: dict[str, str] = {}
@@ -90,9 +91,10 @@ class Intake:
 
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""
+        name = self._relative(topic)
+        type_name = type_name or self._types.get(name, "")
         if len(self._came) < _MOST_TOPICS:
             self._came.setdefault(topic, type_name)
-        name = self._relative(topic)
         found = [take(name, type_name, data, received_ns) for take in self._takers.get(name, [])]
         return [event for event in found if event is not None]
 
@@ -102,6 +104,13 @@ class Intake:
         came = {self._relative(topic) for topic in seen}
         topics = tuple(topic for topic in self._takers if topic not in came)
         return Missing(topics, seen) if topics else None
+
+    def _expected_types(self, configuration: RobotConfiguration) -> dict[str, str]:
+        """What the configuration says of each topic, for senders that do not say."""
+        types = {sensor.topic: sensor.type for sensor in configuration.short_range}
+        types |= {camera.topic: camera.type for camera in configuration.camera}
+        types[configuration.odometry.topic] = "nav_msgs/msg/Odometry"
+        return {self._relative(topic): type_name for topic, type_name in types.items()}
 
     def _relative(self, topic: str) -> str:
         return relative_topic(self._robot, topic)

@@ -54,6 +54,7 @@ def learn_live(learner: Learner, on_minute: Callable[[int], None]) -> None:
         while not agent.stop.wait(0.2) and background.failure is None:
             pass
         background.stop()
+        voice.time(learner.pace.lived_s)  # a minute that ended since the last status
         report_drops(configuration.robot.name, voice.drops() + learner.labeller.drops + background.drops)
     if background.failure is not None:
         raise RuntimeError(f"the learner has failed: {background.failure!r}") from background.failure
@@ -98,7 +99,11 @@ class _Voice:
     def status(self, now: LearnerStatus) -> None:
         now = replace(now, drops={**now.drops, **self.drops()})
         self._status.put(status.encode_learner(now, self._newest_ns))
-        if (minutes := whole_minutes(now.robot_s)) > self._minute:
+        self.time(now.robot_s)
+
+    def time(self, robot_s: float) -> None:
+        """The robot has lived so long."""
+        if (minutes := whole_minutes(robot_s)) > self._minute:
             self._minute = minutes
             self._on_minute(minutes)
 

@@ -87,6 +87,30 @@ def load(path: str | Path) -> tuple[dict[str, dict[str, NDArray[Any]]], dict[str
     return tensors, manifest
 
 
+def must_fit(path: str | Path, manifest: Mapping[str, Any], configuration: Mapping[str, Any]) -> None:
+    """CheckpointError where the rows and columns of its labels stand for something else than the configuration's.
+
+    Args:
+        path: of the checkpoint, for the message.
+        manifest: as `load` gave it.
+        configuration: the robot's, in its JSON form.
+    """
+    mine, others = _labelled(configuration), _labelled(manifest.get("configuration"))
+    if mine != others:
+        raise CheckpointError(
+            f"{path}: its labels are of other targets or sensors than the configuration's (expected {mine}, got "
+            f"{others}); give the configuration it was trained with"
+        )
+
+
+def _labelled(configuration: Any) -> tuple[Any, list[str]] | None:
+    """What the rows and columns of a configuration's labels stand for; None if it is no configuration."""
+    try:
+        return configuration["targets"], [sensor["name"] for sensor in configuration["short_range"]]
+    except (KeyError, TypeError):
+        return None
+
+
 def numpy_state(generator: np.random.Generator) -> dict[str, Any]:
     """A generator's state as JSON values; for `np.random.default_rng` (PCG64).
 

@@ -255,12 +255,7 @@ class Learner:
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
     def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
-        mine, others = _labelled(self.configuration.model_dump(mode="json")), _labelled(manifest["configuration"])
-        if mine != others:
-            raise checkpoint.CheckpointError(
-                f"{path}: its labels are of other targets or sensors than the configuration's (expected {mine}, got "
-                f"{others}); give the configuration it was trained with"
-            )
+        checkpoint.must_fit(path, manifest, self.configuration.model_dump(mode="json"))
         expected = {name: array.shape for name, array in self.trainer.weights().items()}
         found = {name: array.shape for name, array in weights.items()}
         if expected != found:
@@ -277,8 +272,3 @@ class Learner:
         self.publisher.go_on_from(number)
         version = self.publisher.publish(weights, self._lived_ns)
         self.predictor.load(version.weights, version.number)
-
-
-def _labelled(configuration: dict[str, Any]) -> tuple[Any, list[str]]:
-    """What the rows and columns of a configuration's labels stand for, from its JSON form."""
-    return configuration["targets"], [sensor["name"] for sensor in configuration["short_range"]]

@@ -82,7 +82,12 @@ class ReplayBuffer:
             )
         warn_if_too_large(self.capacity * self.frame_bytes)
         # Zeroed pages cost nothing until they are written: the budget is a bound, not what an empty buffer takes.
-        self._pictures = np.zeros((self.capacity, *picture_shape), np.uint8)
+        try:
+            self._pictures = np.zeros((self.capacity, *picture_shape), np.uint8)
+        except MemoryError:
+            raise ValueError(
+                f"replay buffer: no room for {settings.budget_bytes / 1e6:g} MB here: lower memory.budget_mb"
+            ) from None
         self._labels = np.zeros((self.capacity, *label_shape), np.int8)
         self._weight = np.zeros((self.capacity, *label_shape), np.float32)
         self._ids = np.zeros(self.capacity, np.int64)

@@ -24,8 +24,11 @@ from replay.track import Moments, Track
 from replay.uncertainty import SUMS, StepNoise
 
 _LOG = logging.getLogger(__name__)
-#: So many odometry samples in a row behind the newest message by more than the delay allowed: the clock was set back.
+#: So many odometry samples in a row later than the delay allows: a clock was set.
 _CLOCK_RESET_SAMPLES = 5
+#: Odometry keeps the time; the other sensors do only where they are ahead of it by this, as when odometry has stopped.
+_LEAD_NS = 10_000_000_000
+_NEVER_NS = int(np.iinfo(np.int64).min // 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +116,8 @@ class TrajectoryStore:
         )
         self._pictures: dict[int, NDArray[np.uint8]] = {}
         self._picture_bytes = 0
-        self._newest_ns: int | None = None
+        self._odometry_ns: int | None = None  # newest stamp
+        self._others_ns: int | None = None
         self._late_in_a_row = 0
         self.drops: Counter[str] = Counter()
 
@@ -149,6 +153,7 @@ class TrajectoryStore:
         restarted = self._note_clock(t_ns)
         if not self._in_time(t_ns, "odometry") or self._repeated(self._track, t_ns, "odometry"):
             return restarted
+        self._odometry_ns = t_ns if self._odometry_ns is None else max(self._odometry_ns, t_ns)
         before, after, rejoined = self._track.add(t_ns, pose, covariance)
         return restarted + self._settle(before, after, rejoined)
 
@@ -157,6 +162,7 @@ class TrajectoryStore:
         ring = self._readings[stream]
         if not self._in_time(t_ns, "reading") or self._repeated(ring, t_ns, "reading"):
             return []
+        self._others_ns = t_ns if self._others_ns is None else max(self._others_ns, t_ns)
         row = ring.insert(t_ns, {"bits": bits, "trajectory": -1})
         self._pose(ring, slice(row, row + 1))
         return self._emit(self._offer(stream, row)) + self._close()
@@ -167,6 +173,7 @@ class TrajectoryStore:
             shape = (self._targets, self._sensors)
             unknown = np.full(shape, UNKNOWN, np.int8)
             return [LabelUpdate(frame_id, t_ns, unknown, np.zeros(shape, np.float32), None, closed=True, posed=False)]
+        self._others_ns = t_ns if self._others_ns is None else max(self._others_ns, t_ns)
         self._pictures[frame_id] = picture
         self._picture_bytes += picture.nbytes
         row = self._frames.insert(t_ns, {"id": frame_id, "trajectory": -1, "labels": UNKNOWN, "best": np.inf})
@@ -180,7 +187,7 @@ class TrajectoryStore:
         for ring in self._readings:
             ring.clear()
         self._track.clear()
-        self._newest_ns = None
+        self._odometry_ns = self._others_ns = None
         self._late_in_a_row = 0
         return updates
 
@@ -188,7 +195,9 @@ class TrajectoryStore:
         """All that waits, as arrays that `restore` takes back exactly."""
         ids = np.array(list(self._pictures), np.int64)
         arrays: dict[str, NDArray[Any]] = {
-            "newest_ns": np.array([] if self._newest_ns is None else [self._newest_ns], np.int64),
+            "clocks_ns": np.array(
+                [_NEVER_NS if t is None else t for t in (self._odometry_ns, self._others_ns)], np.int64
+            ),
             "picture_ids": ids,
         }
         if len(ids):
@@ -206,7 +215,8 @@ class TrajectoryStore:
             int(i): picture for i, picture in zip(state["picture_ids"], state.get("pictures", ()), strict=True)
         }
         self._picture_bytes = sum(picture.nbytes for picture in self._pictures.values())
-        self._newest_ns = int(state["newest_ns"][0]) if len(state["newest_ns"]) else None
+        clocks = [None if t == _NEVER_NS else int(t) for t in state["clocks_ns"]]
+        self._odometry_ns, self._others_ns = clocks
         self._late_in_a_row = 0
 
     def _parts(self) -> dict[str, Ring | Track]:
@@ -218,8 +228,9 @@ class TrajectoryStore:
     @property
     def _watermark_ns(self) -> int:
         """Nothing older than this may still arrive."""
-        newest = np.iinfo(np.int64).min // 2 if self._newest_ns is None else self._newest_ns
-        return newest - round(self._limits.max_delay_s * 1e9)
+        odometry = _NEVER_NS if self._odometry_ns is None else self._odometry_ns
+        others = _NEVER_NS if self._others_ns is None else self._others_ns - _LEAD_NS
+        return max(odometry, others) - round(self._limits.max_delay_s * 1e9)
 
     @property
     def _settled_ns(self) -> int:
@@ -232,7 +243,6 @@ class TrajectoryStore:
         if t_ns < self._watermark_ns:
             self.drops[f"{what}: later than max_delay_s = {self._limits.max_delay_s:g} s allows"] += 1
             return False
-        self._newest_ns = t_ns if self._newest_ns is None else max(self._newest_ns, t_ns)
         return True
 
     def _repeated(self, ring: Ring | Track, t_ns: int, what: str) -> bool:
@@ -241,11 +251,20 @@ class TrajectoryStore:
         return repeated
 
     def _note_clock(self, t_ns: int) -> list[LabelUpdate]:
-        """A clock that was set back would make every message late for ever: begin a new trajectory instead."""
+        """A clock that was set would make every odometry message late for ever.
+
+        Where odometry went back on itself, a new trajectory begins. Where the other sensors are far ahead of it, what
+        they said of the time is forgotten.
+        """
         self._late_in_a_row = self._late_in_a_row + 1 if t_ns < self._watermark_ns else 0
-        if self._late_in_a_row < _CLOCK_RESET_SAMPLES or self._newest_ns is None:
+        if self._late_in_a_row < _CLOCK_RESET_SAMPLES:
             return []
-        back_s = (self._newest_ns - t_ns) * 1e-9
+        self._late_in_a_row = 0
+        if self._odometry_ns is None or t_ns >= self._odometry_ns - round(self._limits.max_delay_s * 1e9):
+            self._others_ns = None
+            self.drops["clock: camera or short range are ahead of the odometry by more than 10 s"] += 1
+            return []
+        back_s = (self._odometry_ns - t_ns) * 1e-9
         _LOG.warning(
             "the odometry clock jumped back by %.3f s: the trajectory ends here and %d waiting frames are closed; "
             "if this repeats, look for two publishers on the odometry topic or a clock that is being set",

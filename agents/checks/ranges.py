@@ -52,7 +52,8 @@ class Range:
             if count == self._count:
                 cause = "not connected, blind, or `field` names another sensor; infinite is also: never near anything"
                 mend = "hold a hand before it and look at the topic"
-                return [self._finding("error", f"is {what} ({count} readings)", cause, mend)]
+                severity = "warning" if what == "always infinite" else "error"  # it may have met nothing
+                return [self._finding(severity, f"is {what} ({count} readings)", cause, mend)]
         found: list[Finding] = []
         if self._nan > _MANY_NAN_SHARE * self._count:
             cause = "a sensor out of its range that says NaN rather than inf"

@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import logging
 from pathlib import Path
 
 from agents.commands import options
@@ -12,6 +13,7 @@ from llrp_online import checkpoint
 from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.scoring import Exam
 
+_LOG = logging.getLogger(__name__)
 #: The paper's number of bootstrap rounds.
 ROUNDS = 100
 
@@ -35,7 +37,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate and print."""
     configuration = load(arguments.config)
-    tensors, _ = checkpoint.load(arguments.checkpoint)
+    tensors, manifest = checkpoint.load(arguments.checkpoint)
+    checkpoint.must_fit(arguments.checkpoint, manifest, configuration.model_dump(mode="json"))
     exam = exam_of(configuration, arguments.recordings)
     try:
         score = exam.score(tensors["weights"], rounds=arguments.rounds, seed=arguments.seed)
@@ -51,7 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
 def exam_of(configuration: RobotConfiguration, recordings: list[Path]) -> Exam:
     """The labelled frames of recordings, to try weights on."""
     paths = track_files(recordings, "labelling")
-    return Exam(
+    exam = Exam(
         configuration,
         [(frame.picture, frame.labels) for path in paths for frame in labelled_frames(configuration, path)],
     )
+    if not (exam.labels >= 0).any():
+        _LOG.warning("no label became known, so every score is blank: see `llrp check` for the likely cause")
+    return exam

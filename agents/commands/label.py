@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import logging
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from agents.commands import options
 from agents.offline import LabelledFrame, labelled_frames
 from llrp_online.configuration import load
+
+_LOG = logging.getLogger(__name__)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     labels = arrays["labels"]
     known, positive = int((labels >= 0).sum()), int((labels == 1).sum())
+    if not known:
+        _LOG.warning("no label became known: see `llrp check` for the likely cause")
     if arguments.json:
         print(json.dumps({"frames": len(frames), "known_labels": known, "positive_labels": positive}))
         return 0

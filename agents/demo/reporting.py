@@ -53,7 +53,11 @@ def report(
 
 
 def _facts(plan: Plan, outcome: Outcome) -> list[tuple[str, str]]:
-    facts = [("scenario", plan.scenario.stem), ("speed", f"{plan.speed:g} times the clock on the wall")]
+    facts = [
+        ("scenario", plan.scenario.stem),
+        ("held-out layout", f"seed {plan.seed + HELD_OUT_SEED}"),
+        ("speed", f"{plan.speed:g} times the clock on the wall"),
+    ]
     if (learner := outcome.learner) is not None:
         facts += [
             ("robot time", f"{learner.robot_s / 60:.1f} min"),
@@ -65,7 +69,7 @@ def _facts(plan: Plan, outcome: Outcome) -> list[tuple[str, str]]:
         ]
         facts += [
             (
-                f"prequential AUC, {band.low_m:.2f} to {band.high_m:.2f} m",
+                f"prequential AUC of the newest frames, {band.low_m:.2f} to {band.high_m:.2f} m",
                 f"{band.auc:.3f} (n+ {band.n_pos}, n- {band.n_neg})",
             )
             for band in learner.bands

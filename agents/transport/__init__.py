@@ -14,7 +14,7 @@ Every handler runs in a thread of its own subscription, reading from a channel: 
 that makes frames seconds old, and one left open hangs the process at its end.
 """
 
-from agents.transport.presence import announce, present, watch
+from agents.transport.presence import announce, present, watch, watch_elder
 from agents.transport.publish import Frames, Publisher, State, Stream
 from agents.transport.requests import NoAnswer, Refused, RequestError, call, serve
 from agents.transport.samples import Received, Sent
@@ -52,4 +52,5 @@ __all__ = [
     "subscribe_stream",
     "topic",
     "watch",
+    "watch_elder",
 ]

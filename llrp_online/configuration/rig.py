@@ -30,6 +30,9 @@ class Camera(Table):
     topic: str = Field(description="CompressedImage or Image topic, relative to the robot's name")
     width: int = Field(ge=8, le=1024, description="columns of the picture the network sees [px]")
     height: int = Field(ge=8, le=1024, description="rows of the picture the network sees [px]")
+    type: Literal["sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"] = Field(
+        default="sensor_msgs/msg/CompressedImage", description="of its messages, where the sender does not say"
+    )
     swap: str | None = Field(
         default=None,
         description="topic of the camera that takes this one's place in a flipped world; itself if it looks ahead",
@@ -63,6 +66,11 @@ class ShortRange(Table):
 
     name: str
     topic: str = Field(default="range", description="the message the reading comes in")
+    type: str = Field(
+        default="sensor_msgs/msg/LaserScan",
+        pattern=r"^\w+/msg/\w+$",
+        description="of its messages, where the sender does not say, as a plain ROS 2 bridge on Zenoh does not",
+    )
     field: str = Field(description="where in the message, such as `ranges[3]`, `range` or `data`")
     below: float | None = Field(default=None, description="the bit is 1 below this value")
     above: float | None = Field(default=None, description="the bit is 1 above this value")

@@ -120,7 +120,10 @@ class Agents:
 
     def wait_present(self, *names: str) -> None:
         until(
-            lambda: all(self.is_up(n) for n in names) and set(names) <= present(self.session, "thymio"),
+            lambda: (
+                all(self.is_up(n) for n in names if n in self.processes)
+                and set(names) <= present(self.session, "thymio")
+            ),
             f"presence of {names}",
         )
 

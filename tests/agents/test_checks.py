@@ -212,7 +212,7 @@ def test_pictures_of_garbage():
 @pytest.mark.parametrize(
     ("value", "severity", "says"),
     [
-        (math.inf, "error", "left is always infinite"),
+        (math.inf, "warning", "left is always infinite"),
         (0.0, "error", "left is always zero"),
         (math.nan, "error", "left is always NaN"),
         (0.09, "warning", "left is always positive at the threshold 0.1"),

@@ -172,6 +172,39 @@ def test_a_clock_that_jumps_back_begins_a_new_trajectory(caplog):
     assert updates[-1].labels[0, 0] == 1
 
 
+def test_a_camera_clock_ahead_of_the_odometry_ends_no_trajectory(caplog):
+    store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05, window_s=3.0), OdometryLimits(max_delay_s=0.5))
+    posed = set()
+    for i in range(200):
+        t_ns = i * 10**8
+        updates = store.add_frame(i, t_ns + 2 * 10**9, PICTURE) + store.add_odometry(t_ns, np.zeros(3))
+        updates += store.add_reading(t_ns, 0, np.zeros(1, np.int8))
+        posed |= {u.frame_id for u in updates if u.posed}
+    assert len(posed) > 150
+    assert not store.drops
+    assert not caplog.text
+
+
+def test_one_stamp_from_the_far_future_stops_nothing():
+    store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05, window_s=3.0), OdometryLimits(max_delay_s=0.5))
+    store.add_frame(0, 4 * 10**18, PICTURE)
+    labelled = 0
+    for i in range(1, 100):
+        updates = store.add_odometry(i * 10**8, np.zeros(3)) + store.add_frame(i, i * 10**8, PICTURE)
+        labelled += sum(u.posed for u in updates + store.add_reading(i * 10**8, 0, np.zeros(1, np.int8)))
+    assert labelled > 50
+
+
+def test_memory_stays_bounded_when_odometry_stops():
+    store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05, window_s=2.0), OdometryLimits(max_delay_s=0.5))
+    store.add_odometry(0, np.zeros(3))
+    for i in range(3000):
+        store.add_frame(i, i * 50_000_000, PICTURE)
+        store.add_reading(i * 50_000_000, 0, np.zeros(1, np.int8))
+    assert store.sizes["frames"] < 20 * 20
+    assert store.sizes["readings"] < 20 * 20
+
+
 def test_the_same_time_twice_is_dropped_and_counted():
     store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05), OdometryLimits())
     for _ in range(2):
