@@ -151,7 +151,7 @@ class Intake:
         try:
             pixels = messages.picture(message)
         except MessageError as error:
-            self._drop(f"{topic}: not a decodable picture", str(error))
+            self._drop(f"{topic}: not a decodable picture", str(error).removeprefix("not a decodable picture: "))
             return None
         camera = self._cameras[topic]
         self._compare_shape(topic, camera, (pixels.shape[1], pixels.shape[0]))

@@ -51,6 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ValueError(
             f"{output}: holds a run already, which is never overwritten; remove it or give another --output"
         )
+    options.make_folder(output)
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop.set())

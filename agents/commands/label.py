@@ -26,7 +26,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Label and write."""
     configuration = load(arguments.config)
-    options.make_folder(arguments.output)
+    options.make_folder(arguments.output.parent)
     if arguments.output.is_dir():
         raise ValueError(f"{arguments.output}: cannot be written: it is a folder; name a file in it")
     frames = list(labelled_frames(configuration, arguments.recording))

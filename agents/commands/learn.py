@@ -44,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Learn, then say how it went."""
     if arguments.recordings is None and arguments.held_out:
         raise ValueError("--held-out goes with --recordings; live, use `llrp evaluate RUN/minutes/...` afterwards")
+    options.make_folder(arguments.output)
     learner = Learner(options.load_configuration(arguments))
     if arguments.resume:
         learner.load(arguments.resume)

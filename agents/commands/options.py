@@ -59,11 +59,14 @@ def add_output(parser: argparse.ArgumentParser, what: str) -> None:
     parser.add_argument("--output", type=Path, required=True, help=what)
 
 
-def make_folder(output: Path) -> None:
-    """The folder of what a command will write, made now: what cannot be written is an error before the work."""
-    output.parent.mkdir(parents=True, exist_ok=True)
-    if not os.access(output.parent, os.W_OK):
-        raise ValueError(f"{output}: cannot be written: no right to write in its folder")
+def make_folder(folder: Path) -> None:
+    """The folder that a command will write in, made now: what cannot be written is an error before the work."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{folder}: cannot be made a folder to write in: {error.strerror}") from error
+    if not os.access(folder, os.W_OK):
+        raise ValueError(f"{folder}: cannot be written in: no right to")
 
 
 def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> None:

@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Record."""
     configuration = options.load_configuration(arguments)
-    options.make_folder(arguments.output)
+    options.make_folder(arguments.output.parent)
     if arguments.simulate:
         if math.isinf(arguments.minutes):
             raise ValueError("--simulate needs an end: give --minutes")

@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Label, train, save."""
     configuration = load(arguments.config)
-    options.make_folder(arguments.output)
+    options.make_folder(arguments.output.parent)
     checkpoint.must_be_free(arguments.output)
     buffer = remember(configuration, arguments.recordings)
     trainer = Trainer(configuration)

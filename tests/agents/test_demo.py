@@ -34,8 +34,8 @@ def children(process):
     return psutil.Process(process.pid).children(recursive=True)
 
 
-def steps(folder):
-    """Training steps the demo has last told of, on standard error's plain lines; here by the recording's growth."""
+def recorded_bytes(folder):
+    """How far the run has come, by its recording."""
     recording = folder / "run" / "run.mcap"
     return recording.stat().st_size if recording.exists() else 0
 
@@ -80,7 +80,7 @@ def test_a_minute_ends_with_a_report(tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_it_ends_soon_and_keeps_what_was_learned(tmp_path, number):
     process = demo(tmp_path, "--minutes", "10")
-    until(lambda: process.poll() is not None or steps(tmp_path) > 200_000, "a recording that grows")
+    until(lambda: process.poll() is not None or recorded_bytes(tmp_path) > 200_000, "a recording that grows")
     agents = children(process)
     assert len(agents) == len(AGENTS)
     began_s = time.monotonic()
@@ -100,7 +100,7 @@ def test_interrupted_it_ends_soon_and_keeps_what_was_learned(tmp_path, number):
 
 def test_killed_it_leaves_no_agent_behind(tmp_path):
     process = demo(tmp_path, "--minutes", "10")
-    until(lambda: process.poll() is not None or steps(tmp_path) > 100_000, "a recording that grows")
+    until(lambda: process.poll() is not None or recorded_bytes(tmp_path) > 100_000, "a recording that grows")
     agents = children(process)
     assert len(agents) == len(AGENTS)
     process.kill()
@@ -112,7 +112,7 @@ def test_killed_it_leaves_no_agent_behind(tmp_path):
 
 def test_an_agent_that_dies_ends_it_with_the_reason(tmp_path):
     process = demo(tmp_path, "--minutes", "10")
-    until(lambda: process.poll() is not None or steps(tmp_path) > 100_000, "a recording that grows")
+    until(lambda: process.poll() is not None or recorded_bytes(tmp_path) > 100_000, "a recording that grows")
     [perceiver] = [child for child in children(process) if "perceive" in child.cmdline()]
     perceiver.kill()
     _, err = process.communicate(timeout=60)
