@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from replay.clock import Clock, Clocks
 from replay.labels import UNKNOWN, Matcher, nearest_first
 from replay.poses import Floats
 from replay.ring import Ring
@@ -24,11 +25,6 @@ from replay.track import Moments, Track
 from replay.uncertainty import SUMS, StepNoise
 
 _LOG = logging.getLogger(__name__)
-#: So many odometry samples in a row later than the delay allows: a clock was set.
-_CLOCK_RESET_SAMPLES = 5
-#: Odometry keeps the time; the other sensors do only where they are ahead of it by this, as when odometry has stopped.
-_LEAD_NS = 10_000_000_000
-_NEVER_NS = int(np.iinfo(np.int64).min // 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +112,7 @@ class TrajectoryStore:
         )
         self._pictures: dict[int, NDArray[np.uint8]] = {}
         self._picture_bytes = 0
-        self._odometry_ns: int | None = None  # newest stamp
-        self._others_ns: int | None = None
-        self._late_in_a_row = 0
+        self._clock = Clock(limits.max_delay_s)
         self.drops: Counter[str] = Counter()
 
     # --- what a roboticist asks of it
@@ -150,10 +144,10 @@ class TrajectoryStore:
         if not (np.isfinite(pose).all() and (covariance is None or np.isfinite(covariance).all())):
             self.drops["odometry: not a number"] += 1
             return []
-        restarted = self._note_clock(t_ns)
+        restarted = self._mind_the_clocks(t_ns)
         if not self._in_time(t_ns, "odometry") or self._repeated(self._track, t_ns, "odometry"):
             return restarted
-        self._odometry_ns = t_ns if self._odometry_ns is None else max(self._odometry_ns, t_ns)
+        self._clock.heard_odometry(t_ns)
         before, after, rejoined = self._track.add(t_ns, pose, covariance)
         return restarted + self._settle(before, after, rejoined)
 
@@ -162,7 +156,7 @@ class TrajectoryStore:
         ring = self._readings[stream]
         if not self._in_time(t_ns, "reading") or self._repeated(ring, t_ns, "reading"):
             return []
-        self._others_ns = t_ns if self._others_ns is None else max(self._others_ns, t_ns)
+        self._clock.heard_other(t_ns)
         row = ring.insert(t_ns, {"bits": bits, "trajectory": -1})
         self._pose(ring, slice(row, row + 1))
         return self._emit(self._offer(stream, row)) + self._close()
@@ -173,7 +167,7 @@ class TrajectoryStore:
             shape = (self._targets, self._sensors)
             unknown = np.full(shape, UNKNOWN, np.int8)
             return [LabelUpdate(frame_id, t_ns, unknown, np.zeros(shape, np.float32), None, closed=True, posed=False)]
-        self._others_ns = t_ns if self._others_ns is None else max(self._others_ns, t_ns)
+        self._clock.heard_other(t_ns)
         self._pictures[frame_id] = picture
         self._picture_bytes += picture.nbytes
         row = self._frames.insert(t_ns, {"id": frame_id, "trajectory": -1, "labels": UNKNOWN, "best": np.inf})
@@ -187,17 +181,14 @@ class TrajectoryStore:
         for ring in self._readings:
             ring.clear()
         self._track.clear()
-        self._odometry_ns = self._others_ns = None
-        self._late_in_a_row = 0
+        self._clock.reset()
         return updates
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that waits, as arrays that `restore` takes back exactly."""
         ids = np.array(list(self._pictures), np.int64)
         arrays: dict[str, NDArray[Any]] = {
-            "clocks_ns": np.array(
-                [_NEVER_NS if t is None else t for t in (self._odometry_ns, self._others_ns)], np.int64
-            ),
+            "clock": self._clock.state(),
             "picture_ids": ids,
         }
         if len(ids):
@@ -215,9 +206,7 @@ class TrajectoryStore:
             int(i): picture for i, picture in zip(state["picture_ids"], state.get("pictures", ()), strict=True)
         }
         self._picture_bytes = sum(picture.nbytes for picture in self._pictures.values())
-        clocks = [None if t == _NEVER_NS else int(t) for t in state["clocks_ns"]]
-        self._odometry_ns, self._others_ns = clocks
-        self._late_in_a_row = 0
+        self._clock.restore(state["clock"])
 
     def _parts(self) -> dict[str, Ring | Track]:
         readings = {f"readings{index}": ring for index, ring in enumerate(self._readings)}
@@ -226,21 +215,14 @@ class TrajectoryStore:
     # --- time
 
     @property
-    def _watermark_ns(self) -> int:
-        """Nothing older than this may still arrive."""
-        odometry = _NEVER_NS if self._odometry_ns is None else self._odometry_ns
-        others = _NEVER_NS if self._others_ns is None else self._others_ns - _LEAD_NS
-        return max(odometry, others) - round(self._limits.max_delay_s * 1e9)
-
-    @property
     def _settled_ns(self) -> int:
         """Every pose before this is final: no sample that may still arrive can lie around it."""
-        watermark = self._watermark_ns
+        watermark = self._clock.watermark_ns
         without_odometry = watermark - round(self._limits.max_gap_s * 1e9)
         return max(self._track.newest_until(watermark) or without_odometry, without_odometry)
 
     def _in_time(self, t_ns: int, what: str) -> bool:
-        if t_ns < self._watermark_ns:
+        if self._clock.is_late(t_ns):
             self.drops[f"{what}: later than max_delay_s = {self._limits.max_delay_s:g} s allows"] += 1
             return False
         return True
@@ -250,25 +232,17 @@ class TrajectoryStore:
             self.drops[f"{what}: its time was there already"] += 1
         return repeated
 
-    def _note_clock(self, t_ns: int) -> list[LabelUpdate]:
-        """A clock that was set would make every odometry message late for ever.
-
-        Where odometry went back on itself, a new trajectory begins. Where the other sensors are far ahead of it, what
-        they said of the time is forgotten.
-        """
-        self._late_in_a_row = self._late_in_a_row + 1 if t_ns < self._watermark_ns else 0
-        if self._late_in_a_row < _CLOCK_RESET_SAMPLES:
-            return []
-        self._late_in_a_row = 0
-        if self._odometry_ns is None or t_ns >= self._odometry_ns - round(self._limits.max_delay_s * 1e9):
-            self._others_ns = None
+    def _mind_the_clocks(self, t_ns: int) -> list[LabelUpdate]:
+        """A clock that was set would make every odometry message late for ever: begin a new trajectory instead."""
+        clocks, off_s = self._clock.judge(t_ns)
+        if clocks is Clocks.APART:
             self.drops["clock: camera or short range are ahead of the odometry by more than 10 s"] += 1
+        if clocks is not Clocks.SET_BACK:
             return []
-        back_s = (self._odometry_ns - t_ns) * 1e-9
         _LOG.warning(
             "the odometry clock jumped back by %.3f s: the trajectory ends here and %d waiting frames are closed; "
             "if this repeats, look for two publishers on the odometry topic or a clock that is being set",
-            back_s,
+            off_s,
             len(self._frames),
         )
         return self.end_trajectory()
