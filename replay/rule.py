@@ -36,7 +36,7 @@ class OdometryLimits:
     Attributes:
         max_gap_s: two samples further apart in time than this end the trajectory; there is no pose between them.
         max_speed_m_s: two samples further apart in space than this allows are a pose jump, which ends it too.
-        max_delay_s: how late, in sensor time behind the newest message, one may arrive and still count.
+        max_delay_s: how late, behind the newest odometry sample, a message may arrive and still count.
     """
 
     max_gap_s: float = 0.5
