@@ -27,6 +27,7 @@ from agents.transport import free_endpoint, open_session, present
 from llrp_online import background
 from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.status import LearnerStatus
+from replay.clock import LEAD_NS
 
 #: 1,200 frames of 16 kB: full after a few robot minutes.
 SMALL_MEMORY = "\n[memory]\nbudget_mb = 20.0\n"
@@ -79,8 +80,10 @@ def bounds(configuration: RobotConfiguration) -> dict[str, int]:
     assert simulation is not None
     rate_hz = simulation.rate_hz
     # A frame waits for its window, and for what may still arrive; readings and odometry are kept twice as long.
-    open_s = rule.window_s + odometry.max_delay_s + odometry.max_gap_s
-    kept = math.ceil((2 * rule.window_s + odometry.max_delay_s + odometry.max_gap_s) * rate_hz) + 2
+    # Odometry keeps the time, and the other sensors may be ahead of it by the clock's lead.
+    late_s = odometry.max_delay_s + odometry.max_gap_s + LEAD_NS * 1e-9
+    open_s = rule.window_s + late_s
+    kept = math.ceil((2 * rule.window_s + late_s) * rate_hz) + 2
     height, width, channels = configuration.picture_shape
     frames = math.ceil(open_s * rate_hz / simulation.camera_divider) + 2
     memory = configuration.memory

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: The other sensors keep the time only where they are ahead of the odometry by this.
-_LEAD_NS = 10_000_000_000
+LEAD_NS = 10_000_000_000
 #: So many odometry samples in a row too late: a clock was set.
 _RESET_SAMPLES = 5
 _NEVER_NS = int(np.iinfo(np.int64).min // 2)
@@ -44,7 +44,7 @@ class Clock:
     @property
     def watermark_ns(self) -> int:
         """Nothing older than this may still arrive."""
-        return max(self._odometry_ns, self._others_ns - _LEAD_NS) - self._delay_ns
+        return max(self._odometry_ns, self._others_ns - LEAD_NS) - self._delay_ns
 
     def is_late(self, t_ns: int) -> bool:
         """Too old to count?"""
