@@ -88,7 +88,7 @@ def bounds(configuration: RobotConfiguration) -> dict[str, int]:
     frames = math.ceil(open_s * rate_hz / simulation.camera_divider) + 2
     memory = configuration.memory
     return {
-        "backlog": background._QUEUE,
+        "backlog": background.QUEUE,
         "frames": frames,
         "readings": kept,
         "odometry": kept,

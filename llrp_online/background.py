@@ -25,7 +25,7 @@ from replay.trajectory import LabelUpdate
 
 _LOG = logging.getLogger(__name__)
 #: Messages that may wait: about a minute of a robot's sensors.
-_QUEUE = 4096
+QUEUE = 4096
 #: The thread looks up this often when nothing comes.
 _IDLE_S = 0.05
 #: Between two training steps it takes in half of what waits, but at least so many messages: the deeper the queue, the
@@ -66,7 +66,7 @@ class BackgroundLearner:
         self._learner = learner
         self._ingest = ingest
         self._tell = listeners or Listeners()
-        self._messages: deque[Any] = deque(maxlen=_QUEUE)
+        self._messages: deque[Any] = deque(maxlen=QUEUE)
         self._wake = threading.Event()
         self._calls: queue.SimpleQueue[tuple[Callable[[Learner], Any], Future[Any]]] = queue.SimpleQueue()
         self._stopping = threading.Event()
@@ -92,7 +92,7 @@ class BackgroundLearner:
 
     def submit(self, message: Any) -> None:
         """Hand a message over; never waits."""
-        if len(self._messages) == _QUEUE:
+        if len(self._messages) == QUEUE:
             self.drops["learner: too slow for its sensors, oldest message dropped"] += 1
         self._messages.append(message)
         self._wake.set()

@@ -4,28 +4,27 @@ import argparse
 import math
 
 from agents.agent import joined
+from agents.behaviours import BEHAVIOURS, controller
 from agents.commands import options
 
 _LOOK_EVERY_S = 0.05
-_BEHAVIOURS = ("explore", "walk", "avoid", "reflex", "blind")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
-    parser.add_argument("--behaviour", choices=_BEHAVIOURS, default="explore", help="(default: explore)")
+    parser.add_argument("--behaviour", choices=tuple(BEHAVIOURS), default="explore", help="(default: explore)")
     parser.add_argument("--seed", type=int, default=0, help="of its random choices (default 0)")
     options.add_minutes(parser, math.inf, "of the robot's time")
     parser.epilog = (
-        "explore: the paper's data acquisition; walk: random walk on the short-range sensors; avoid: on predictions\n"
-        "alone; reflex: on the short-range sensors alone; blind: random turning without any sense\n\n"
-        "example:\n  llrp control --behaviour avoid"
+        "behaviours:\n"
+        + "".join(f"  {name:8s} {story}\n" for name, story in BEHAVIOURS.items())
+        + "\nexample:\n  llrp control --behaviour avoid"
     )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Drive until told to stop, then stop the robot."""
-    from agents.behaviours import controller
     from agents.driver import Driver
 
     configuration = options.load_configuration(arguments)

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 from agents.agent import joined
+from agents.behaviours import BEHAVIOURS, controller
 from agents.commands import options
 from agents.progress import track
 from llrp_online.configuration import RobotConfiguration
@@ -18,7 +19,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--simulate", action="store_true", help="drive the simulated robot in this process: the same bytes every time"
     )
-    parser.add_argument("--behaviour", default="explore", choices=("explore", "walk", "reflex", "blind"))
+    without_predictions = tuple(name for name in BEHAVIOURS if name != "avoid")
+    parser.add_argument("--behaviour", default="explore", choices=without_predictions)
     options.add_world(parser)
     parser.epilog = (
         "examples:\n"
@@ -52,7 +54,6 @@ def record_simulated(
 ) -> int:
     """Drive the simulated robot in virtual time and record what it senses; the messages written."""
     from agents import messages
-    from agents.behaviours import controller
     from agents.robots.wire import Wire
     from agents.rollout import rollout
     from replay.recording import Writer

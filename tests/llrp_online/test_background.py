@@ -92,7 +92,7 @@ def test_submit_never_waits_for_a_slow_step(learner, monkeypatch):
 
 
 def test_a_full_queue_drops_the_oldest_and_counts(learner, monkeypatch):
-    monkeypatch.setattr(background, "_QUEUE", 10)
+    monkeypatch.setattr(background, "QUEUE", 10)
     gate, taken, statuses = Gate(), [], []
     monkeypatch.setattr(background, "_STATUS_EVERY_S", 0.0)
 
