@@ -5,8 +5,12 @@ import atexit
 import gc
 import importlib
 import logging
+import os
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 
 #: Command -> what it does; the module of the same name has `configure(parser)` and `run(arguments) -> exit code`.
 COMMANDS = {
@@ -41,7 +45,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # The interpreter's last search for garbage takes a second or two with PyTorch loaded; agents are to end in two.
     atexit.register(gc.freeze)
     try:
-        parsed = _parser(command).parse_args(words)
+        with _ended_at_once():
+            parser = _parser(command)
+        parsed = parser.parse_args(words)
         logging.basicConfig(level=logging.WARNING, format=f"llrp {parsed.command}: %(message)s", stream=sys.stderr)
         return int(parsed.run(parsed))
     except KeyboardInterrupt:
@@ -55,6 +61,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, RuntimeError) as error:
         print(f"llrp {command}: {error}", file=sys.stderr)
         return 1
+
+
+@contextmanager
+def _ended_at_once() -> Generator[None]:
+    """Ctrl-C ends the process on the spot: a library cut off in its import may make any other error of it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, lambda _number, _frame: os._exit(130))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _parser(command: str | None) -> argparse.ArgumentParser:
