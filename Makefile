@@ -3,8 +3,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+BENCH_STAMP := $(VENV)/.bench-installed
 
-.PHONY: demo test test-fast lint docs install clean
+.PHONY: demo test test-fast lint bench bench-short docs install clean
 
 install: $(STAMP)
 
@@ -29,6 +30,21 @@ lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/lint-imports
+
+$(BENCH_STAMP): $(STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench,sim,dev]'
+	@touch $(BENCH_STAMP)
+
+# The table is written whatever the ratios are; a ratio that is missed then fails the command.
+bench: $(BENCH_STAMP)
+	@mkdir -p runs
+	$(BIN)/python -m pytest bench -v --timeout=1800 --benchmark-json=runs/bench.json $(BENCH_ARGS); \
+	status=$$?; $(BIN)/python bench/table.py runs/bench.json --output docs/BENCHMARKS.md && exit $$status
+
+bench-short: $(BENCH_STAMP)
+	@mkdir -p runs
+	$(BIN)/python -m pytest bench --short --timeout=600 --benchmark-json=runs/bench-short.json $(BENCH_ARGS); \
+	status=$$?; $(BIN)/python bench/table.py runs/bench-short.json && exit $$status
 
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py

@@ -6,25 +6,30 @@ door between the two: it hands out the kernels, or None where the reference is t
 
 Offline, whoever asks waits for the compiler, so that a run is the same from its first step to its last. Live, after
 `never_wait()`, nobody does: a process of lowest priority compiles into the cache, the reference runs meanwhile, and the
-kernels take over once they can be loaded. Without numba, or where compiling fails, the reference goes on for good; each
-of these is said once.
+kernels take over once they can be loaded. Without numba, or where compiling fails, the reference goes on for good. Each
+of these is said.
 """
 
 import importlib
 import json
 import logging
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 _LOG = logging.getLogger(__name__)
 _NICENESS = 19
+#: Compiling that takes longer than this is worth a word; loading from the cache takes less.
+_SAY_AFTER_S = 3.0
+_LOOK_EVERY_S = 0.5
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _lock = threading.RLock()  # one compilation at a time: numba's is not made for two
@@ -45,7 +50,27 @@ def jit(signature: str | list[str], **options: Any) -> Callable[[_Function], _Fu
         options: numba's, beside `cache` and `nogil`.
     """
     numba: Any = importlib.import_module("numba")
-    return numba.njit(signature, cache=_use_cache(), nogil=True, **options)
+    signatures = [signature] if isinstance(signature, str) else signature
+
+    def compile_it(function: _Function) -> _Function:
+        kernel = numba.njit(nogil=True, **options)(function)
+        # The cache knows a kernel by what it closes over too; one that calls another would else be known by the
+        # other's random id, which is new in every process, and never be found.
+        kernel._set_uuid(f"{function.__module__}.{function.__qualname__}{_closed_over(function)}")
+        if _cache() is not None:
+            kernel.enable_caching()
+        for one in signatures:
+            kernel.compile(one)
+        kernel.disable_compile()
+        return kernel
+
+    return compile_it
+
+
+def _closed_over(function: Callable[..., Any]) -> list[str]:
+    """What a kernel is made for: the constants in its closure, and the names of the kernels there."""
+    cells = getattr(function, "__closure__", None) or ()
+    return [str(getattr(cell.cell_contents, "_uuid", cell.cell_contents)) for cell in cells]
 
 
 class Compiled:
@@ -55,7 +80,7 @@ class Compiled:
         module: has `build(*arguments)`; imported when first asked for.
         arguments: JSON values, the shapes that kernels are made for.
 
-    >>> Compiled("no.such.module").get() is None
+    >>> Compiled("replay.no_such_module").get() is None
     True
     """
 
@@ -70,47 +95,97 @@ class Compiled:
         if not self._begun:
             self._begun = True
             if _waiting:
-                self._build()
+                with _lock, self._said("the command waits"):
+                    self._build()
             else:
-                threading.Thread(target=self._in_background, name="compiling", daemon=True).start()
+                threading.Thread(target=self._build_in_background, name="compiling", daemon=True).start()
         return self._kernels
 
-    def _in_background(self) -> None:
-        start_s = time.monotonic()
-        with _lock:
-            compiler = [sys.executable, "-m", "replay.compiling", self._module, json.dumps(self._arguments)]
-            if _use_cache():  # compiled over there, it is only loaded over here
-                subprocess.run(compiler, check=False, capture_output=True)
-            self._build()
-        if self._kernels is not None:
-            _LOG.info("%s: compiled in %.1f s, in use from now on", self._module, time.monotonic() - start_s)
+    def _build_in_background(self) -> None:
+        _be_nice(threading.get_native_id())
+        with _lock, self._said("the plain form runs meanwhile, several times slower"):
+            try:
+                # Compiled over there, code is only loaded over here; where there is no cache, it is compiled here.
+                failure = None if _cache() is None else self._compile_elsewhere()
+            except ImportError as error:
+                failure = str(error)
+            if failure is None:
+                self._build()
+            else:
+                self._give_up(failure)
+
+    def _compile_elsewhere(self) -> str | None:
+        """Fill the cache in a process of its own, which may even crash; what went wrong, or None."""
+        words = [sys.executable, "-m", "replay.compiling", self._module, json.dumps(self._arguments)]
+        path = os.pathsep.join(folder for folder in sys.path if folder)
+        compiler = subprocess.run(
+            words, check=False, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
+        )
+        if compiler.returncode == 0:
+            return None
+        last_words = compiler.stderr.strip().splitlines()[-1:]
+        return f"the compiler ended with {compiler.returncode}: {' '.join(last_words)}"
 
     def _build(self) -> None:
-        with _lock:
+        try:
             try:
-                self._kernels = importlib.import_module(self._module).build(*self._arguments)
-            except ImportError as error:
-                _LOG.warning("%s: going on without compiled code, several times slower: %s", self._module, error)
-            # A compiler can fail in any way, on a processor or a version that nobody tried; a robot goes on without it.
-            except Exception as error:
-                _LOG.warning("%s: cannot be compiled, going on without, several times slower: %r", self._module, error)
+                self._kernels = self._built()
+            except ImportError:
+                raise
+            # What a damaged cache makes of loading can be any error: clear it, and compile anew.
+            except Exception:
+                _clear_cache()
+                self._kernels = self._built()
+        # A compiler can fail in any way, on a processor or a version that nobody tried; a robot goes on without it.
+        except Exception as error:
+            self._give_up(f"{type(error).__name__}: {error}")
+
+    def _built(self) -> Any:
+        return importlib.import_module(self._module).build(*self._arguments)
+
+    def _give_up(self, reason: str) -> None:
+        _LOG.warning("%s: going on without compiled code, several times slower: %s", self._module, reason)
+
+    @contextmanager
+    def _said(self, meanwhile: str) -> Generator[None]:
+        """Say that compiling goes on if it does for long, and when it is done."""
+        start_s = time.monotonic()
+        words = "%s: compiling, once for this processor; %s"
+        timer = threading.Timer(_SAY_AFTER_S, _LOG.warning, (words, self._module, meanwhile))
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+        took_s = time.monotonic() - start_s
+        if took_s > _SAY_AFTER_S and self._kernels is not None:
+            _LOG.warning("%s: compiled in %.0f s and in use from now on", self._module, took_s)
 
 
-def _use_cache() -> bool:
-    """Point numba to a folder where compiled code may be kept; False if there is none."""
+def _cache() -> Path | None:
+    """The folder where compiled code is kept, made known to numba; None if there is none to write in."""
     config: Any = importlib.import_module("numba.core.config")
     if config.CACHE_DIR:  # the user's NUMBA_CACHE_DIR, or ours from before
-        return _writable(Path(config.CACHE_DIR))
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    for folder in (home / "llrp-online", Path(tempfile.gettempdir()) / f"llrp-online-{os.getuid()}"):
+        folder = Path(config.CACHE_DIR)
+        return folder if _writable(folder) else None
+    for folder in _cache_folders():
         if _writable(folder):
             config.CACHE_DIR = str(folder)
-            return True
-    return False
+            return folder
+    return None
+
+
+def _cache_folders() -> list[Path]:
+    """Where the user's caches are, or else a folder for this user among the temporary ones."""
+    folders = [Path(tempfile.gettempdir()) / f"llrp-online-{os.getuid()}"]
+    with suppress(RuntimeError):  # a user without a home
+        folders.insert(0, Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "llrp-online")
+    return folders
 
 
 def _writable(folder: Path) -> bool:
-    """Can it be made, is it ours alone, and can files be written there? Code is loaded from it, so others' is not."""
+    """Can it be made, is it ours, and can files be written there? Code is loaded from it: another's will not do."""
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -119,9 +194,30 @@ def _writable(folder: Path) -> bool:
         return False
 
 
+def _clear_cache() -> None:
+    """Forget all compiled code, unless the user said where it is kept: then other programs' code is there too."""
+    folder = _cache()
+    if folder is not None and not os.environ.get("NUMBA_CACHE_DIR"):
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _be_nice(thread: int) -> None:
+    """Let a thread (0: this process) run when nobody else wants the core."""
+    with suppress(OSError, AttributeError):  # a system without priorities of threads
+        os.setpriority(os.PRIO_PROCESS, thread, _NICENESS)
+
+
 def _compile_here(module: str, arguments: str) -> None:
-    """In a process of its own: fill the cache, when nobody else wants the core."""
-    os.nice(_NICENESS)
+    """In a process of its own: fill the cache, and end with the process that asked for it."""
+    _be_nice(0)
+    parent = os.getppid()
+
+    def end_with_parent() -> None:
+        while os.getppid() == parent:
+            time.sleep(_LOOK_EVERY_S)
+        os._exit(1)
+
+    threading.Thread(target=end_with_parent, daemon=True).start()
     importlib.import_module(module).build(*json.loads(arguments))
 
 
