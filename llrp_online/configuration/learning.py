@@ -63,6 +63,14 @@ class Training(Table):
     seed: int = Field(default=0, ge=0)
 
 
+class Compute(Table):
+    """[compute]."""
+
+    compiled: bool = Field(
+        default=True, description="hot paths as compiled code; false: the plain reference, several times slower"
+    )
+
+
 class Publishing(Table):
     """[publishing]: when a new version of the weights goes out."""
 
