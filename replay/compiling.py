@@ -10,6 +10,7 @@ kernels take over once they can be loaded. Without numba, or where compiling fai
 of these is said.
 """
 
+import functools
 import importlib
 import json
 import logging
@@ -86,7 +87,7 @@ class Compiled:
 
     def __init__(self, module: str, *arguments: Any) -> None:
         self._module = module
-        self._arguments = arguments
+        self._arguments = json.dumps(arguments)
         self._kernels: Any = None
         self._begun = False
 
@@ -116,7 +117,7 @@ class Compiled:
 
     def _compile_elsewhere(self) -> str | None:
         """Fill the cache in a process of its own, which may even crash; what went wrong, or None."""
-        words = [sys.executable, "-m", "replay.compiling", self._module, json.dumps(self._arguments)]
+        words = [sys.executable, "-m", "replay.compiling", self._module, self._arguments]
         path = os.pathsep.join(folder for folder in sys.path if folder)
         compiler = subprocess.run(
             words, check=False, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path}
@@ -129,19 +130,16 @@ class Compiled:
     def _build(self) -> None:
         try:
             try:
-                self._kernels = self._built()
+                self._kernels = _built(self._module, self._arguments)
             except ImportError:
                 raise
             # What a damaged cache makes of loading can be any error: clear it, and compile anew.
             except Exception:
                 _clear_cache()
-                self._kernels = self._built()
+                self._kernels = _built(self._module, self._arguments)
         # A compiler can fail in any way, on a processor or a version that nobody tried; a robot goes on without it.
         except Exception as error:
             self._give_up(f"{type(error).__name__}: {error}")
-
-    def _built(self) -> Any:
-        return importlib.import_module(self._module).build(*self._arguments)
 
     def _give_up(self, reason: str) -> None:
         _LOG.warning("%s: going on without compiled code, several times slower: %s", self._module, reason)
@@ -161,6 +159,12 @@ class Compiled:
         took_s = time.monotonic() - start_s
         if took_s > _SAY_AFTER_S and self._kernels is not None:
             _LOG.warning("%s: compiled in %.0f s and in use from now on", self._module, took_s)
+
+
+@functools.cache
+def _built(module: str, arguments: str) -> Any:
+    """The kernels for arguments given as a JSON list; the same for all who ask in this process."""
+    return importlib.import_module(module).build(*json.loads(arguments))
 
 
 def _cache() -> Path | None:
@@ -218,7 +222,7 @@ def _compile_here(module: str, arguments: str) -> None:
         os._exit(1)
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    importlib.import_module(module).build(*json.loads(arguments))
+    _built(module, arguments)
 
 
 if __name__ == "__main__":
