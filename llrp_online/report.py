@@ -1,11 +1,9 @@
 """The report of a run: one page that opens anywhere, without a network, and the same numbers as JSON."""
 
-import base64
 import html
 import importlib.metadata
 import json
 import math
-import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,29 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Score
+from llrp_online.page import document, image, number, replace, section, table
 
 #: Robot minute, mean AUC up to 25 cm and up to 15 cm (None: undefined), and the targets x sensors the former is of.
 CurvePoint = tuple[float, float | None, float | None, int]
-
-_STYLE = """
-:root { color-scheme: light dark; --ink: #1a1a1a; --ground: #fff; --faint: #666; --rule: #ddd; }
-@media (prefers-color-scheme: dark) { :root { --ink: #e6e6e6; --ground: #16181b; --faint: #a0a0a0; --rule: #3a3d42; } }
-body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--ground);
-  max-width: 62rem; margin: 0 auto; padding: 1.5rem; }
-h1 { line-height: 1.2; } h2 { margin-top: 2.5rem; border-bottom: 1px solid var(--rule); }
-figure { margin: 1rem 0; } figcaption, .note { color: var(--faint); font-size: .9rem; }
-img { max-width: 100%; height: auto; background: #fff; padding: .5rem; box-sizing: border-box; border-radius: .4rem; }
-.wide { overflow-x: auto; } pre { font-size: .8rem; }
-table { border-collapse: collapse; font-size: .85rem; font-variant-numeric: tabular-nums; }
-th, td { padding: .15rem .7rem .15rem 0; text-align: left; border-bottom: 1px solid var(--rule); white-space: nowrap; }
-summary { cursor: pointer; }
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,20 +110,14 @@ def write(report: Report, folder: str | Path) -> Path:
     """Write `report.html` and `report.json`, each whole or not at all; the page's path."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    _replace(folder / "report.json", json.dumps(report.as_json(), indent=1, allow_nan=False))
-    _replace(folder / "report.html", page(report))
+    replace(folder / "report.json", json.dumps(report.as_json(), indent=1, allow_nan=False))
+    replace(folder / "report.html", page(report))
     return folder / "report.html"
 
 
 def page(report: Report) -> str:
     """The whole page."""
-    return (
-        '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f"<title>{html.escape(report.title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n"
-        f"<h1>{html.escape(report.title)}</h1>\n{_table((), report.facts) if report.facts else ''}"
-        f"{''.join(_sections(report))}</body>\n</html>\n"
-    )
+    return document(report.title, (table((), report.facts) if report.facts else "") + "".join(_sections(report)))
 
 
 def _sections(report: Report) -> Iterator[str]:
@@ -156,24 +134,24 @@ def _sections(report: Report) -> Iterator[str]:
         what = "Camera pictures, each below its red heat map of predictions and its blue map of labels: "
         alt = what + "; ".join(example.caption for example in shown)
         note = "Predictions are of the moment; labels became known later, where the robot went."
-        yield _section("What it saw, predicted and found", _image(drawn, alt, note))
+        yield section("What it saw, predicted and found", image(drawn, alt, note))
     if report.curve:
         minutes, far, near, cells = zip(*report.curve, strict=True)
         drawn = figures.learning_curve(minutes, far, near, cells)
-        told = ", ".join(f"{_number(mean)} after {minute:g} min" for minute, mean in zip(minutes, far, strict=True))
-        yield _section("Learning curve", _image(drawn, f"Mean AUC from 0 to 25 cm: {told}"))
+        told = ", ".join(f"{number(mean)} after {minute:g} min" for minute, mean in zip(minutes, far, strict=True))
+        yield section("Learning curve", image(drawn, f"Mean AUC from 0 to 25 cm: {told}"))
     for name, score in report.scores.items():
-        yield _section(f"Score: {name}", _score(name, score))
+        yield section(f"Score: {name}", _score(name, score))
     if np.isfinite(report.path[:, :2]).all(1).any():
         alt = f"Path of the robot by odometry, {len(report.path)} poses; sensors fired at {len(report.fired)} of them"
-        yield _section("Where it went", _image(figures.trajectory(report.path, report.fired, report.path_s), alt))
+        yield section("Where it went", image(figures.trajectory(report.path, report.fired, report.path_s), alt))
     if report.known.any():
         negatives, positives = report.known.sum(0)
         alt = f"Known labels by distance: {negatives} negative and {positives} positive in all"
-        yield _section("Known labels", _image(figures.known_labels(report.known, targets), alt))
+        yield section("Known labels", image(figures.known_labels(report.known, targets), alt))
     configuration = html.escape(json.dumps(report.configuration.model_dump(mode="json"), indent=1))
-    origin = _table((), [("seed", str(report.seed)), *report.versions.items()])
-    yield _section(
+    origin = table((), [("seed", str(report.seed)), *report.versions.items()])
+    yield section(
         "How to repeat it", f"{origin}<details><summary>configuration</summary><pre>{configuration}</pre></details>"
     )
 
@@ -181,13 +159,13 @@ def _sections(report: Report) -> Iterator[str]:
 def _score(name: str, score: Score) -> str:
     """Figures where an AUC is defined, and the table of every cell."""
     n = f"n+ {score.n_pos.sum():,}, n− {score.n_neg.sum():,}"
-    parts = [f"<p>All known labels together: AUC {_number(score.pooled_auc)} ({n}).</p>\n"]
+    parts = [f"<p>All known labels together: AUC {number(score.pooled_auc)} ({n}).</p>\n"]
     if not np.isnan(score.auc).all():
         low, high = np.nanmin(score.auc), np.nanmax(score.auc)
-        reach = f"{name}: {_number(low)} to {_number(high)}, {n}"
+        reach = f"{name}: {number(low)} to {number(high)}, {n}"
         parts += [
-            _image(figures.auc_by_distance(score), f"AUC by distance of the target, {reach}"),
-            _image(figures.auc_map(score), f"Map of the AUC of each target and sensor, {reach}; values in the table"),
+            image(figures.auc_by_distance(score), f"AUC by distance of the target, {reach}"),
+            image(figures.auc_map(score), f"Map of the AUC of each target and sensor, {reach}; values in the table"),
         ]
     heads = ("x [m]", "y [m]", "yaw [rad]", *score.sensors)
     rows = [
@@ -195,7 +173,7 @@ def _score(name: str, score: Score) -> str:
         for target, pose in enumerate(score.targets)
     ]
     legend = '<p class="note">AUC [95 % interval] n+/n−; blank where only one class is known.</p>\n'
-    parts.append(f"<details><summary>every target and sensor</summary>{legend}{_table(heads, rows)}</details>\n")
+    parts.append(f"<details><summary>every target and sensor</summary>{legend}{table(heads, rows)}</details>\n")
     return "".join(parts)
 
 
@@ -206,42 +184,5 @@ def _cell(score: Score, target: int, sensor: int) -> str:
     return f"{value}{interval}{score.n_pos[target, sensor]}/{score.n_neg[target, sensor]}"
 
 
-def _section(title: str, body: str) -> str:
-    return f"<section>\n<h2>{html.escape(title)}</h2>\n{body}</section>\n"
-
-
-def _image(figure: Figure, alt: str, note: str = "") -> str:
-    data = base64.b64encode(figures.png(figure)).decode("ascii")
-    width_px = round(figure.get_figwidth() * 110)
-    caption = f"<figcaption>{html.escape(note)}</figcaption>" if note else ""
-    source = f'src="data:image/png;base64,{data}" alt="{html.escape(alt)}" width="{width_px}"'
-    return f"<figure><img {source}>{caption}</figure>\n"
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Escaped; without heads, the first of each row is its head."""
-    top = "".join(f'<th scope="col">{html.escape(head)}</th>' for head in heads)
-    body = ""
-    for first, *rest in rows:
-        cells = "".join(f"<td>{html.escape(value)}</td>" for value in rest)
-        tag = "td" if heads else 'th scope="row"'
-        body += f"<tr><{tag}>{html.escape(first)}</{tag[:2]}>{cells}</tr>\n"
-    return f'<div class="wide"><table>\n{f"<tr>{top}</tr>" if heads else ""}{body}</table></div>\n'
-
-
-def _number(value: float | None) -> str:
-    return "undefined" if value is None or math.isnan(value) else f"{value:.3f}"
-
-
 def _or_none(value: float | None) -> float | None:
     return None if value is None or math.isnan(value) else value
-
-
-def _replace(file: Path, text: str) -> None:
-    """Write beside and rename: a reader meets the old file or the new one, never a part."""
-    beside = file.with_name(f".{file.name}.new")
-    with beside.open("w", encoding="utf-8") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside.replace(file)
