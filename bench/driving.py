@@ -13,7 +13,9 @@ from pathlib import Path
 from agents.behaviours import controller
 from agents.commands import options
 from agents.progress import track
+from agents.robots.simulated import load_scenario
 from agents.rollout import rollout
+from agents.simulated_drive import simulated_robot
 from llrp_online import checkpoint
 from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.predictor import Predictor
@@ -24,7 +26,7 @@ def drive(
 ) -> dict[str, float]:
     """Collisions and metres of one drive."""
     seeing = behaviour == "avoid"
-    robot = options.simulated_robot(configuration, scenario, seed, camera=seeing)
+    robot = simulated_robot(configuration, load_scenario(scenario), seed, camera=seeing)
     rate_hz = configuration.simulation.rate_hz if configuration.simulation else 0.0
     path = rollout(
         robot,

@@ -27,8 +27,10 @@ from agents import messages, status, topics
 from agents.agent import PARENT
 from agents.commands import options
 from agents.controllers.explore import Explore
+from agents.robots.simulated import load_scenario
 from agents.robots.wire import ODOMETRY_TYPE, PICTURE_TYPE, RANGE_TYPE, Wire
 from agents.rollout import rollout
+from agents.simulated_drive import simulated_robot
 from agents.transport import (
     Frames,
     Received,
@@ -49,7 +51,7 @@ FLAT_OUT = "\n[training]\nsteps_per_second = 100000.0\n"
 
 def drive(configuration: RobotConfiguration, seconds: float) -> list[list[Message]]:
     """The messages of each tick of a simulated drive; a picture with every tick."""
-    robot = options.simulated_robot(configuration, options.scenario_path("tiles"), seed=0)
+    robot = simulated_robot(configuration, load_scenario(options.scenario_path("tiles")), seed=0)
     wire = Wire(configuration)
     seen = rollout(robot, Explore(configuration.control, 0), configuration, seconds)
     return [list(wire.messages(observation)) for observation in seen]

@@ -4,12 +4,8 @@ import argparse
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from llrp_online.configuration import RobotConfiguration, load, load_toml
-
-if TYPE_CHECKING:
-    from agents.robots.simulated import SimulatedRobot
+from llrp_online.configuration import RobotConfiguration, load
 
 _SCENARIOS = Path("configs/scenarios")
 
@@ -84,19 +80,6 @@ def add_world(parser: argparse.ArgumentParser) -> None:
         help="a name from configs/scenarios, or a TOML file (default: tiles)",
     )
     parser.add_argument("--seed", type=int, default=0, help="of the layout and of all noise (default 0)")
-
-
-def simulated_robot(
-    configuration: RobotConfiguration, scenario: Path, seed: int, *, camera: bool = True
-) -> "SimulatedRobot":
-    """The simulated robot of a configuration in a scenario; ValueError without [simulation]."""
-    from agents.robots.simulated import Scenario, SimulatedRobot
-
-    if configuration.simulation is None:
-        raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation] table; add one")
-    height, width, _ = configuration.picture_shape
-    picture = (height, width) if camera else None
-    return SimulatedRobot(configuration.simulation, load_toml(scenario, Scenario), seed, picture)
 
 
 def speed(text: str) -> float:

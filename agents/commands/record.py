@@ -2,12 +2,10 @@
 
 import argparse
 import math
-from pathlib import Path
 
 from agents.agent import joined
-from agents.behaviours import BEHAVIOURS, controller
+from agents.behaviours import BEHAVIOURS
 from agents.commands import options
-from agents.progress import track
 from llrp_online.configuration import RobotConfiguration
 
 
@@ -36,37 +34,14 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.simulate:
         if math.isinf(arguments.minutes):
             raise ValueError("--simulate needs an end: give --minutes")
-        count = record_simulated(
-            configuration, arguments.scenario, arguments.seed, arguments.minutes, arguments.output, arguments.behaviour
-        )
+        from agents.robots.simulated import load_scenario
+        from agents.simulated_drive import record_drive
+
+        scenario, seed, minutes = load_scenario(arguments.scenario), arguments.seed, arguments.minutes
+        count = record_drive(configuration, scenario, seed, minutes, arguments.output, arguments.behaviour)
         print(f"{count} messages to {arguments.output}")
         return 0
     return _record_live(configuration, arguments)
-
-
-def record_simulated(
-    configuration: RobotConfiguration,
-    scenario: Path,
-    seed: int,
-    minutes: float,
-    output: Path,
-    behaviour: str = "explore",
-) -> int:
-    """Drive the simulated robot in virtual time and record what it senses; the messages written."""
-    from agents import messages
-    from agents.robots.wire import Wire
-    from agents.rollout import rollout
-    from replay.recording import Writer
-
-    robot, wire = options.simulated_robot(configuration, scenario, seed), Wire(configuration)
-    rate_hz = 0.0 if configuration.simulation is None else configuration.simulation.rate_hz
-    drive = rollout(robot, controller(behaviour, configuration, seed), configuration, 60 * minutes)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    with Writer(output, messages.definition) as writer:
-        for seen in track(drive, "driving", round(60 * minutes * rate_hz)):
-            for message in wire.messages(seen):
-                writer.write(message)
-    return writer.messages
 
 
 def _record_live(configuration: RobotConfiguration, arguments: argparse.Namespace) -> int:

@@ -21,9 +21,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Live."""
     from agents.robots.live import LiveRobot
+    from agents.robots.simulated import load_scenario
+    from agents.simulated_drive import simulated_robot
 
     configuration = options.load_configuration(arguments)
-    robot = options.simulated_robot(configuration, arguments.scenario, arguments.seed)
+    robot = simulated_robot(configuration, load_scenario(arguments.scenario), arguments.seed)
     with joined(configuration, "robot") as agent:
         live = LiveRobot(agent, configuration, robot, arguments.speed)
         live.run(60 * arguments.minutes)

@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.commands.evaluate import ROUNDS
-from agents.commands.record import record_simulated
 from agents.curve import Point, learning_curve
 from agents.demo.show import Outcome, Plan
 from agents.intake import Intake
 from agents.offline import LabelledFrame, labelled_frames
+from agents.robots.simulated import load_scenario
 from agents.run_folder import RunFolder
+from agents.simulated_drive import record_drive
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Reading
 from llrp_online.report import Example, Report, versions, write
@@ -29,7 +30,7 @@ def report(
 ) -> tuple[list[Point], Path]:
     """Evaluate on a held-out layout and write report.html and report.json; the learning curve and the page's path."""
     held_out = plan.output / "held_out.mcap"
-    record_simulated(configuration, plan.scenario, plan.seed + HELD_OUT_SEED, held_out_minutes, held_out)
+    record_drive(configuration, load_scenario(plan.scenario), plan.seed + HELD_OUT_SEED, held_out_minutes, held_out)
     frames = list(labelled_frames(configuration, held_out))
     exam = Exam(configuration, [(frame.picture, frame.labels) for frame in frames])
     minutes = list(RunFolder(plan.output, []).minutes())

@@ -1,0 +1,74 @@
+"""A trial: one pure function of plain values, and where its result is kept."""
+
+import hashlib
+import importlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from llrp_online.page import replace
+
+#: What a trial gives: plain JSON values, the same bytes for the same parameters.
+Result = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of a study.
+
+    Attributes:
+        work: `module:function`; the function takes the cache folder of shared drives (`Path`) and the parameters.
+        parameters: plain JSON values; all that the result depends on, the seed among them.
+
+    >>> Trial("agents.experiments.scratch:learn", {"seed": 0}).name
+    'learn-af1b9aa5c4c0'
+    """
+
+    work: str
+    parameters: Mapping[str, Any]
+
+    @property
+    def name(self) -> str:
+        """What its result is kept under: the function's name and a digest of all that decides the result."""
+        told = json.dumps([self.work, self.parameters], sort_keys=True, allow_nan=False)
+        return f"{self.work.partition(':')[2]}-{hashlib.sha256(told.encode()).hexdigest()[:12]}"
+
+    def run(self, drives: Path) -> Result:
+        """Do the work, here and now."""
+        module, _, function = self.work.partition(":")
+        return getattr(importlib.import_module(module), function)(drives, **self.parameters)
+
+
+class Shelf:
+    """Results on disk: one file a trial, whole or not there.
+
+    Args:
+        folder: made if it is not there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+
+    def get(self, trial: Trial) -> Result | None:
+        """The result kept, or None. A file that is not a result of this trial counts as none: it is run again."""
+        try:
+            kept = json.loads(self._file(trial).read_text(encoding="utf-8"))
+        except (FileNotFoundError, ValueError):
+            return None
+        same = isinstance(kept, dict) and kept.get("parameters") == _plain(trial.parameters)
+        return kept["result"] if same and "result" in kept else None
+
+    def put(self, trial: Trial, result: Result) -> None:
+        """Keep a result, beside the parameters that it is of."""
+        told = {"work": trial.work, "parameters": trial.parameters, "result": result}
+        replace(self._file(trial), json.dumps(told, indent=1, allow_nan=False))
+
+    def _file(self, trial: Trial) -> Path:
+        return self._folder / f"{trial.name}.json"
+
+
+def _plain(values: Mapping[str, Any]) -> Any:
+    return json.loads(json.dumps(values))
