@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from llrp_online.prequential import Band
 
-_HAIR_S = 0.5
+HAIR_S = 0.5
 
 
 @dataclass(frozen=True)
@@ -59,4 +59,4 @@ def whole_minutes(robot_s: float) -> int:
     >>> whole_minutes(59.9), whole_minutes(59.0)
     (1, 0)
     """
-    return int((robot_s + _HAIR_S) // 60)
+    return int((robot_s + HAIR_S) // 60)

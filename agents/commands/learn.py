@@ -3,6 +3,7 @@
 import argparse
 import json
 import logging
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from agents.commands import options
 from agents.commands.evaluate import exam_of
 from agents.curve import Point, learning_curve
 from agents.live_learner import learn_live
-from agents.replayed import learn_over
+from agents.replayed import Marks, learn_over
 from agents.run_folder import RunFolder
 from agents.tables import print_bands, print_score
 from llrp_online.digest import weights_sha256
@@ -56,7 +57,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.recordings is None:
         learn_live(learner, lambda minute: folder.keep_minute(minute, learner))
     else:
-        learn_over(learner, arguments.recordings, lambda minute: folder.keep_minute(minute, learner))
+        minutes = Marks(learner, count(60, 60), lambda lived_s: folder.keep_minute(round(lived_s / 60), learner))
+        learn_over(learner, arguments.recordings, minutes)
     if not learner.status().labelled:
         _LOG.warning("no label became known, so nothing was learned: see `llrp check` for the likely cause")
     learner.publish_now()

@@ -1,0 +1,150 @@
+"""What a study found: claims with intervals, tables and figures; and how they are written down."""
+
+import html
+import io
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from llrp_online import figures, page
+from llrp_online.report import versions
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One figure that the project stands by, or falls short of.
+
+    Attributes:
+        what: is measured.
+        value: as measured; None: undefined.
+        bar: to reach; None: nothing was asked for.
+        interval: 95 %, (low, high); None where there is none.
+        n: how many values it is of, in words: "9 runs: 3 scenarios x 3 seeds".
+        at_most: the bar is a ceiling, not a floor.
+    """
+
+    what: str
+    value: float | None
+    bar: float | None
+    interval: tuple[float, float] | None
+    n: str
+    at_most: bool = False
+
+    @property
+    def holds(self) -> bool | None:
+        """Is the bar reached? None without a bar or a value."""
+        if self.bar is None or self.value is None:
+            return None
+        return self.value <= self.bar if self.at_most else self.value >= self.bar
+
+    def row(self) -> list[str]:
+        """What, value, interval, bar, verdict, n: as they are to be read."""
+        low_high = "" if self.interval is None else f"{self.interval[0]:.3f} to {self.interval[1]:.3f}"
+        bar = "" if self.bar is None else f"{'at most' if self.at_most else 'at least'} {self.bar:g}"
+        verdict = {None: "", True: "holds", False: "short of it"}[self.holds]
+        return [self.what, page.number(self.value), low_high, bar, verdict, self.n]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain values."""
+        return {
+            "what": self.what,
+            "value": self.value,
+            "bar": self.bar,
+            "interval": None if self.interval is None else list(self.interval),
+            "n": self.n,
+            "at_most": self.at_most,
+            "holds": self.holds,
+        }
+
+
+CLAIM_HEADS = ("claim", "value", "95 % interval", "bar", "", "n")
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with its words.
+
+    Attributes:
+        name: of its files.
+        figure: is drawn.
+        alt: what it says, for those who cannot see it.
+        caption: below it.
+    """
+
+    name: str
+    figure: Figure
+    alt: str
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """A study's outcome.
+
+    Attributes:
+        title: of the page.
+        story: what was done, in a few sentences.
+        claims: the figures that count.
+        numbers: everything measured, plain JSON values.
+        plots: figures.
+        remarks: where the outcome differs from what was expected, and why.
+    """
+
+    title: str
+    story: str
+    claims: Sequence[Claim]
+    numbers: Mapping[str, Any]
+    plots: Sequence[Plot] = ()
+    remarks: Sequence[str] = field(default=())
+
+
+def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
+    """Write report.json, report.html and each figure as PNG and SVG; the page's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+    told = {
+        "title": findings.title,
+        "seeds": list(seeds),
+        "versions": versions(),
+        "claims": [claim.as_json() for claim in findings.claims],
+        "numbers": findings.numbers,
+    }
+    page.replace(folder / "report.json", json.dumps(told, indent=1, allow_nan=False))
+    for plot in findings.plots:
+        (folder / f"{plot.name}.png").write_bytes(figures.png(plot.figure))
+        page.replace(folder / f"{plot.name}.svg", _svg(plot.figure))
+    page.replace(folder / "report.html", _page(findings, seeds))
+    return folder / "report.html"
+
+
+def section(findings: Findings, command: str) -> str:
+    """The study's part of docs/RESULTS.md."""
+    rows = [list(CLAIM_HEADS), ["---"] * len(CLAIM_HEADS), *(claim.row() for claim in findings.claims)]
+    table = "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows)
+    remarks = "".join(f"\n- {remark}" for remark in findings.remarks)
+    return f"## {findings.title}\n\n    {command}\n\n{findings.story}\n\n{table}\n{remarks}\n"
+
+
+def _page(findings: Findings, seeds: Sequence[int]) -> str:
+    body = f"<p>{html.escape(findings.story)}</p>\n"
+    body += page.section("Claims", page.table(CLAIM_HEADS, [claim.row() for claim in findings.claims]))
+    for plot in findings.plots:
+        body += page.section(plot.name.replace("_", " "), page.image(plot.figure, plot.alt, plot.caption))
+    if findings.remarks:
+        said = "".join(f"<li>{html.escape(remark)}</li>" for remark in findings.remarks)
+        body += page.section("Where it differs", f"<ul>{said}</ul>\n")
+    origin = [("seeds", ", ".join(map(str, seeds))), *versions().items()]
+    return page.document(findings.title, body + page.section("How to repeat it", page.table((), origin)))
+
+
+def _svg(figure: Figure) -> str:
+    buffer = io.StringIO()
+    # Ids and dates that change from run to run would make two equal figures differ.
+    import matplotlib
+
+    with matplotlib.rc_context({"svg.hashsalt": "llrp"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
