@@ -8,7 +8,7 @@ Shapes: scores (N, T, S) float; labels (N, T, S) int8 of 1, 0 or -1.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,6 +82,19 @@ class Score:
             "n_neg": self.n_neg.tolist(),
             "pooled_auc": None if math.isnan(self.pooled_auc) else self.pooled_auc,
         }
+
+    @classmethod
+    def of_json(cls, told: Mapping[str, Any]) -> "Score":
+        """From what `as_json` told."""
+        floats = {name: np.array(told[name], np.float64) for name in ("targets", "auc", "low", "high")}
+        pooled = told["pooled_auc"]
+        return cls(
+            **floats,
+            sensors=tuple(told["sensors"]),
+            n_pos=np.array(told["n_pos"], np.int64),
+            n_neg=np.array(told["n_neg"], np.int64),
+            pooled_auc=math.nan if pooled is None else pooled,
+        )
 
 
 def counts(labels: Labels) -> tuple[Ints, Ints]:

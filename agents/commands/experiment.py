@@ -11,6 +11,9 @@ from agents.progress import track
 #: Name -> module of `agents.experiments` with `FULL`, `QUICK`, `trials(size)` and `findings(size, results)`.
 STUDIES = {
     "scratch": "from nothing in an unseen scenario: AUC against robot minutes; controllers; steps a second",
+    "crossval": "the paper's experiment: train offline on eight scenarios, test on two; and leave one out",
+    "adapt": "a new floor: warm-started with and without the memory, beside frozen and from nothing",
+    "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
 }
 
 

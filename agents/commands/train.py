@@ -38,19 +38,12 @@ def run(arguments: argparse.Namespace) -> int:
     options.make_folder(arguments.output.parent)
     checkpoint.must_be_free(arguments.output)
     buffer = remember(configuration, arguments.recordings)
-    trainer = Trainer(configuration)
-    loss: float | None = None
-    counts = buffer.class_counts
-    for _ in track(range(arguments.steps), "training", arguments.steps):
-        batch = buffer.sample(configuration.training.batch)
-        if batch is None:
-            raise ValueError("no labelled frame to train on: see `llrp check RECORDING` for the cause")
-        loss = trainer.step(batch, counts)
+    trainer, loss = trained(configuration, buffer, arguments.steps)
     weights = trainer.weights()
     save(arguments.output, configuration, trainer, buffer)
     summary = {
         "frames": len(buffer),
-        "known_labels": int(counts.sum()),
+        "known_labels": int(buffer.class_counts.sum()),
         "steps": trainer.steps,
         "loss": loss,
         "weights_sha256": weights_sha256(weights),
@@ -61,6 +54,17 @@ def run(arguments: argparse.Namespace) -> int:
         last = "" if loss is None else f", last loss {loss:.4f}"
         print(f"{trainer.steps} steps over {len(buffer)} frames{last}; saved to {arguments.output}")
     return 0
+
+
+def trained(configuration: RobotConfiguration, buffer: ReplayBuffer, steps: int) -> tuple[Trainer, float | None]:
+    """A trainer after so many steps over the buffer, and its last loss (None without a step)."""
+    trainer, loss = Trainer(configuration), None
+    for _ in track(range(steps), "training", steps):
+        batch = buffer.sample(configuration.training.batch)
+        if batch is None:
+            raise ValueError("no labelled frame to train on: see `llrp check RECORDING` for the cause")
+        loss = trainer.step(batch, buffer.class_counts)
+    return trainer, loss
 
 
 def remember(configuration: RobotConfiguration, recordings: list[Path]) -> ReplayBuffer:

@@ -1,14 +1,11 @@
-"""Simulated drives that trials share: each recorded once, whoever asks first, and never half there."""
+"""Simulated drives that trials share."""
 
-import fcntl
-import hashlib
-import json
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Self
 
+from agents.experiments.shared import digest, made_once
 from agents.robots.simulated.scenario import Scenario
 from agents.simulated_drive import record_drive
 from llrp_online.configuration import RobotConfiguration
@@ -43,28 +40,9 @@ class Drive:
 
     def recorded(self, folder: Path) -> Path:
         """The recording, from the folder that trials share, or made now."""
-        told = json.dumps(self.as_json(), sort_keys=True).encode()
-        path = folder / f"{self.behaviour}-{hashlib.sha256(told).hexdigest()[:12]}.mcap"
-        folder.mkdir(parents=True, exist_ok=True)
-        with _alone(path.with_suffix(".lock")):
-            if not path.exists():
-                part = path.with_suffix(".part")
-                part.unlink(missing_ok=True)
-                record_drive(
-                    RobotConfiguration.model_validate(self.configuration),
-                    Scenario.model_validate(self.scenario),
-                    self.seed,
-                    self.minutes,
-                    part,
-                    self.behaviour,
-                )
-                part.rename(path)
-        return path
 
+        def record(part: Path) -> None:
+            form, arena = RobotConfiguration.model_validate(self.configuration), Scenario.model_validate(self.scenario)
+            record_drive(form, arena, self.seed, self.minutes, part, self.behaviour)
 
-@contextmanager
-def _alone(lock: Path) -> Generator[None]:
-    """One process at a time; a process that dies lets go."""
-    with lock.open("wb") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+        return made_once(folder / f"{self.behaviour}-{digest(self.as_json())}.mcap", record)

@@ -1,33 +1,77 @@
 """The trial that most studies are made of: the online learner over drives, its weights tried as it goes."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
+from agents.experiments.shared import digest, made_once
 from agents.experiments.trial import Result, Trial
 from agents.replayed import Marks, learn_over
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
-from llrp_online.scoring import mean_auc
+from llrp_online.scoring import Exam, mean_auc
+from llrp_online.trainer import Weights
 
 #: Targets no farther than this make the means: as far as the paper's camera sees, and the nearer part.
 FAR_M, NEAR_M = 0.25, 0.15
 
 
+@dataclass(frozen=True)
+class Start:
+    """What a learner begins with, if not with nothing: another learner's life, lived once and shared by trials.
+
+    Attributes:
+        configuration: that learner's, as JSON values.
+        lived: its drives, in order.
+        memory: take its memory too, not its weights alone.
+    """
+
+    configuration: Mapping[str, Any]
+    lived: Sequence[Drive]
+    memory: bool = True
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any]) -> "Start":
+        """From a trial's parameters."""
+        lived = [Drive.of(drive) for drive in parameters["lived"]]
+        return cls(parameters["configuration"], lived, parameters["memory"])
+
+    def checkpoint(self, folder: Path) -> Path:
+        """From the folder that trials share, or lived now."""
+        drives = [drive.as_json() for drive in self.lived]
+
+        def live(part: Path) -> None:
+            learner = Learner(RobotConfiguration.model_validate(self.configuration))
+            learn_over(learner, [drive.recorded(folder) for drive in self.lived])
+            learner.publish_now()
+            learner.save(part)
+
+        return made_once(folder / f"start-{digest(self.configuration, drives)}", live)
+
+
 def learning(
-    configuration: RobotConfiguration, drives: Sequence[Drive], held_out: Sequence[Drive], marks_s: Sequence[float]
+    configuration: RobotConfiguration,
+    lived: Sequence[Drive],
+    exams: Mapping[str, Sequence[Drive]],
+    marks_s: Sequence[float],
+    *,
+    start: Start | None = None,
+    frozen: bool = False,
 ) -> Trial:
     """A trial of `learn`."""
     return Trial(
         "agents.experiments.learning:learn",
         {
             "configuration": configuration.model_dump(mode="json"),
-            "lived": [drive.as_json() for drive in drives],
-            "held_out": [drive.as_json() for drive in held_out],
+            "lived": [drive.as_json() for drive in lived],
+            "exams": {name: [drive.as_json() for drive in drives] for name, drives in exams.items()},
             "marks_s": list(marks_s),
+            "start": None if start is None else asdict(start),
+            "frozen": frozen,
         },
     )
 
@@ -36,41 +80,49 @@ def learn(
     folder: Path,
     configuration: Mapping[str, Any],
     lived: Sequence[Mapping[str, Any]],
-    held_out: Sequence[Mapping[str, Any]],
+    exams: Mapping[str, Sequence[Mapping[str, Any]]],
     marks_s: Sequence[float],
+    start: Mapping[str, Any] | None,
+    frozen: bool,
 ) -> Result:
     """Live through drives, in order; the score of the weights at each mark on drives held out.
 
     Args:
-        folder: of shared drives.
+        folder: of what trials share.
         configuration: the learner's, as JSON values; its seed is `training.seed`.
         lived: drives to learn from.
-        held_out: drives to be judged by.
+        exams: name -> drives to be judged by.
         marks_s: robot seconds, ascending.
+        start: a `Start` as JSON values; None: from nothing.
+        frozen: never take a step.
 
     Returns:
-        `marks`: one object a mark with `lived_s`, `steps`, `known_labels`, `far`, `near` (mean AUC to 25 and to
-        15 cm, None where no cell has enough labels) and `cells`; `weights_sha256` of the end.
+        `marks`: one object a mark with `lived_s`, `steps`, `known_labels`, `positive_labels`, and for each exam its
+        `far` and `near` (mean AUC to 25 and to 15 cm, None where no cell has enough labels) and `cells`;
+        `weights_sha256` of the end.
     """
     form = RobotConfiguration.model_validate(configuration)
     learner, marks = Learner(form), list[Result]()
-    exam = exam_of(form, [Drive.of(drive).recorded(folder) for drive in held_out])
+    if start is not None:
+        begun = Start.of(start)
+        learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
+    learner.paused = frozen
+    tried = {
+        name: exam_of(form, [Drive.of(drive).recorded(folder) for drive in drives]) for name, drives in exams.items()
+    }
 
     def reached(lived_s: float) -> None:
-        score = exam.score(learner.trainer.weights())
-        (far, cells), (near, _) = mean_auc(score, FAR_M), mean_auc(score, NEAR_M)
-        status = learner.status()
-        marks.append(
-            {
-                "lived_s": lived_s,
-                "steps": status.steps,
-                "known_labels": sum(status.known),
-                "positive_labels": sum(status.positives),
-                "far": far if cells else None,
-                "near": near if cells else None,
-                "cells": cells,
-            }
-        )
+        status, weights = learner.status(), learner.trainer.weights()
+        told = {"lived_s": lived_s, "steps": status.steps, "known_labels": sum(status.known)}
+        scores = {name: means(exam, weights) for name, exam in tried.items()}
+        marks.append({**told, "positive_labels": sum(status.positives), **scores})
 
     learn_over(learner, [Drive.of(drive).recorded(folder) for drive in lived], Marks(learner, iter(marks_s), reached))
     return {"marks": marks, "weights_sha256": weights_sha256(learner.trainer.weights())}
+
+
+def means(exam: Exam, weights: Weights) -> dict[str, float | int | None]:
+    """Mean AUC to 25 cm (`far`) and to 15 cm (`near`), and over how many `cells` the former goes."""
+    score = exam.score(weights)
+    (far, cells), (near, near_cells) = mean_auc(score, FAR_M), mean_auc(score, NEAR_M)
+    return {"far": far if cells else None, "near": near if near_cells else None, "cells": cells}

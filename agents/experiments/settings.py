@@ -1,11 +1,14 @@
 """The robots and arenas of `configs/`, as plain values."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from agents.robots.simulated import load_scenario
 from llrp_online.configuration import RobotConfiguration, load
 
+#: Seeds of held-out layouts lie this far from those that are lived in.
+HELD_OUT = 1000
 CONFIGS = Path("configs")
 
 
@@ -22,3 +25,19 @@ def scenario(name: str) -> dict[str, Any]:
 def scenarios() -> tuple[str, ...]:
     """All their names."""
     return tuple(sorted(path.stem for path in (CONFIGS / "scenarios").glob("*.toml")))
+
+
+def with_seed(configuration: RobotConfiguration, seed: int) -> RobotConfiguration:
+    """The same learner with another seed."""
+    return configuration.model_copy(update={"training": configuration.training.model_copy(update={"seed": seed})})
+
+
+def changed(configuration: RobotConfiguration, changes: Mapping[str, Any]) -> RobotConfiguration:
+    """The same with some keys changed, named `table.key` as in the TOML; each is checked as a file's would be."""
+    told = configuration.model_dump(mode="json")
+    for name, value in changes.items():
+        table, _, key = name.partition(".")
+        if key not in told[table]:
+            raise ValueError(f"{name}: no such key; [{table}] has {', '.join(told[table])}")
+        told[table][key] = value
+    return RobotConfiguration.model_validate(told)

@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 _ROUNDS = 2000
 
 
-def median(values: Sequence[float]) -> tuple[float, tuple[float, float]]:
+def median(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, tuple[float, float]]:
     """The median and its 95 % percentile interval over 2,000 resamples of the values.
 
     >>> median([0.8, 0.9, 0.85])

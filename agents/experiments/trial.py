@@ -1,6 +1,5 @@
 """A trial: one pure function of plain values, and where its result is kept."""
 
-import hashlib
 import importlib
 import json
 from collections.abc import Mapping
@@ -8,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.experiments.shared import digest
 from llrp_online.page import replace
 
 #: What a trial gives: plain JSON values, the same bytes for the same parameters.
@@ -32,8 +32,7 @@ class Trial:
     @property
     def name(self) -> str:
         """What its result is kept under: the function's name and a digest of all that decides the result."""
-        told = json.dumps([self.work, self.parameters], sort_keys=True, allow_nan=False)
-        return f"{self.work.partition(':')[2]}-{hashlib.sha256(told.encode()).hexdigest()[:12]}"
+        return f"{self.work.partition(':')[2]}-{digest(self.work, self.parameters)}"
 
     def run(self, drives: Path) -> Result:
         """Do the work, here and now."""

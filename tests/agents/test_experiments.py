@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,10 @@ from agents.experiments import results
 from agents.experiments.cluster import Cluster
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, section, write
+from agents.experiments.learning import Start
 from agents.experiments.local import Local, TrialError
-from agents.experiments.settings import configuration_of, scenario, scenarios
+from agents.experiments.settings import changed, configuration_of, scenario, scenarios
+from agents.experiments.shared import made_once
 from agents.experiments.statistics import median
 from agents.experiments.trial import Shelf, Trial
 
@@ -112,6 +115,31 @@ def test_a_drive_is_recorded_once(tmp_path: Path) -> None:
     assert drive.recorded(tmp_path) == first
     assert first.stat().st_mtime_ns == stamp
     assert Drive.of(drive.as_json()).recorded(tmp_path / "elsewhere").read_bytes() == content
+
+
+def test_what_a_learner_begins_with_is_lived_once(tmp_path: Path) -> None:
+    told = configuration_of("thymio").model_dump(mode="json")
+    start = Start(told, [Drive(told, scenario("tiles"), seed=1, minutes=0.05)])
+    first = start.checkpoint(tmp_path)
+    stamp = (first / "manifest.json").stat().st_mtime_ns
+    assert Start.of(asdict(start)).checkpoint(tmp_path) == first
+    assert (first / "manifest.json").stat().st_mtime_ns == stamp
+
+
+def test_what_was_left_half_made_is_thrown_away(tmp_path: Path) -> None:
+    (tmp_path / "it.part").mkdir()
+    (tmp_path / "it.part" / "rest").touch()
+    path = made_once(tmp_path / "it", lambda part: part.write_text("whole"))
+    assert path.read_text() == "whole"
+
+
+def test_a_changed_key_is_checked() -> None:
+    usual = configuration_of("thymio")
+    assert changed(usual, {"memory.policy": "fifo"}).memory.policy == "fifo"
+    with pytest.raises(ValueError, match=r"memory\.polcy: no such key"):
+        changed(usual, {"memory.polcy": "fifo"})
+    with pytest.raises(ValueError, match="policy"):
+        changed(usual, {"memory.policy": "best"})
 
 
 def test_all_ten_scenarios_are_found() -> None:

@@ -106,3 +106,9 @@ def test_a_score_is_this_json_object():
 def test_nothing_known_is_null_everywhere():
     found = Score.of(np.zeros((1, 1, 1)), np.full((1, 1, 1), -1, np.int8), np.zeros((1, 3)), ["a"]).as_json()
     assert (found["auc"], found["low"], found["pooled_auc"]) == ([[None]], [[None]], None)
+
+
+def test_a_score_comes_back_from_its_json():
+    labels = np.array([[[0], [1]], [[1], [1]], [[0], [-1]]], np.int8)
+    score = Score.of(np.linspace(0, 1, 6).reshape(3, 2, 1), labels, np.zeros((2, 3)), ["floor"], rounds=10)
+    assert Score.of_json(json.loads(json.dumps(score.as_json()))).as_json() == score.as_json()

@@ -1,0 +1,105 @@
+"""Each choice of the learner alone: what another would gain or lose, paired by scenario and seed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from agents.experiments.bars import difference_bars
+from agents.experiments.curves import Marks, time, values
+from agents.experiments.drives import Drive
+from agents.experiments.findings import Claim, Findings, Plot
+from agents.experiments.learning import learning
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, scenario, with_seed
+from agents.experiments.statistics import median
+from agents.experiments.trial import Result, Trial
+
+_USUAL = "as configured"
+#: Name -> what differs from the defaults, as `changed` takes it.
+FORMS: Mapping[str, Mapping[str, Any]] = {
+    _USUAL: {},
+    "the paper's loss": {"training.loss": "paper"},
+    "the paper's network": {"network.preset": "paper"},
+    "first in, first out": {"memory.policy": "fifo"},
+    "reservoir": {"memory.policy": "reservoir"},
+    "near-duplicates kept": {"memory.duplicate_distance": 0.0},
+    "recent share 0": {"memory.recent_share": 0.0},
+    "recent share 1": {"memory.recent_share": 1.0},
+    "no floor of positives": {"memory.positives_floor": 0.0},
+    "positives not weighted": {"training.positive_weight_max": 1.0},
+    "labels by drift": {"labels.window": "drift"},
+    "no flips": {"augmentation.flip": 0.0},
+    "no noise": {"augmentation.noise": 0.0},
+    "no grey": {"augmentation.grey": 0.0},
+    "no shadows": {"augmentation.shadow": 0.0},
+    "no augmentation": {
+        "augmentation.flip": 0.0,
+        "augmentation.noise": 0.0,
+        "augmentation.grey": 0.0,
+        "augmentation.shadow": 0.0,
+    },
+    "weights not averaged": {"training.average": 0.0},
+    "learning rate 3e-4": {"training.learning_rate": 3e-4},
+    "learning rate 3e-3": {"training.learning_rate": 3e-3},
+    "batch 32, twice the steps": {"training.batch": 32, "training.steps_per_second": 10.0},
+}
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is run. A memory that is never full has nothing to choose, so it gets a tight budget in every form."""
+
+    scenarios: Sequence[str]
+    seeds: Sequence[int]
+    marks_s: Sequence[float]
+    held_out_minutes: float
+    budget_mb: float
+    forms: Sequence[str]
+
+
+FULL = Size(("grass", "tiles", "wood"), (0, 1, 2), (60, 180, 300), 5.0, 24.0, tuple(FORMS))
+QUICK = Size(("tiles",), (0,), (30,), 1.0, 24.0, tuple(FORMS)[:3])
+
+
+def trials(size: Size) -> list[Trial]:
+    """All of them."""
+    return [trial for _, trial in _named(size)]
+
+
+def _named(size: Size) -> Iterator[tuple[str, Trial]]:
+    """Form and trial."""
+    usual = configuration_of("thymio")
+    robot = usual.model_dump(mode="json")
+    for form in size.forms:
+        learner = changed(usual, {"memory.budget_mb": size.budget_mb, **FORMS[form]})
+        for name in size.scenarios:
+            held_out = [Drive(robot, scenario(name), HELD_OUT + i, size.held_out_minutes) for i in (0, 1)]
+            for seed in size.seeds:
+                lived = [Drive(robot, scenario(name), seed, size.marks_s[-1] / 60)]
+                yield form, learning(with_seed(learner, seed), lived, {"new": held_out}, size.marks_s)
+
+
+def findings(size: Size, results: Sequence[Result]) -> Findings:
+    """The gain of each form over the configured one, at each mark."""
+    runs: dict[str, list[Marks]] = {}
+    for (form, _), result in zip(_named(size), results, strict=True):
+        runs.setdefault(form, []).append(result["marks"])
+    story = (
+        "The learner of `llrp experiment scratch` with one choice changed, over the same drives "
+        f"({', '.join(size.scenarios)}; {len(size.seeds)} seeds each) and a memory of {size.budget_mb:g} MB, so that "
+        "it fills. Each value is the median of the differences in mean AUC at 0 to 25 cm, paired by scenario and seed; "
+        "the interval resamples pairs. An interval above zero: the change is better than what is configured."
+    )
+    claims = [claim for form in size.forms if form != _USUAL for claim in _gains(size, runs, form)]
+    last = [claim for claim in claims if claim.what.endswith(time(size.marks_s[-1]))]
+    drawn = difference_bars({c.what: (c.value, c.interval) for c in last}, "gain in mean AUC at the last mark")
+    return Findings("ablate: one choice at a time", story, claims, runs, [Plot("gains", drawn, "Gain of each change")])
+
+
+def _gains(size: Size, runs: Mapping[str, Sequence[Marks]], form: str) -> Iterator[Claim]:
+    gains = values(runs[form], "new") - values(runs[_USUAL], "new")
+    for mark_s, column in zip(size.marks_s, gains.T, strict=True):
+        if len(known := column[~np.isnan(column)]):
+            middle, interval = median(known)
+            yield Claim(f"{form}, after {time(mark_s)}", middle, None, interval, f"{len(known)} pairs")

@@ -1,0 +1,46 @@
+"""What studies draw alike: the AUC of several runs against robot time, their median and the middle half."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from agents.experiments.trial import Result
+from llrp_online.figures.style import LINES, TEXT_PT, dress, new_figure
+
+#: The marks of one run, as `agents.experiments.learning.learn` gives them.
+Marks = Sequence[Result]
+
+
+def values(runs: Sequence[Marks], exam: str, part: str = "far") -> NDArray[np.float64]:
+    """(runs, marks), NaN where undefined."""
+    read = [[mark[exam][part] for mark in marks] for marks in runs]
+    return np.array([[np.nan if value is None else value for value in row] for row in read], np.float64)
+
+
+def time(seconds: float) -> str:
+    """As one reads it.
+
+    >>> time(15), time(600)
+    ('15 s', '10 min')
+    """
+    return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
+
+
+def curves(groups: Mapping[str, Sequence[Marks]], exam: str) -> Figure:
+    """One line a group of runs."""
+    figure = new_figure(4.8, 3.3)
+    axes = figure.add_subplot()
+    for number, (name, runs) in enumerate(groups.items()):
+        colour, marker, dash = LINES[number % len(LINES)]
+        minutes = np.array([mark["lived_s"] / 60 for mark in runs[0]])
+        found = values(runs, exam)
+        known = ~np.isnan(found).all(0)
+        low, middle, high = np.nanpercentile(found[:, known], [25, 50, 75], axis=0)
+        axes.fill_between(minutes[known], low, high, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(minutes[known], middle, color=colour, marker=marker, linestyle=dash, markersize=4, label=name)
+    dress(axes, "robot time [min]", "mean AUC, 0 to 25 cm")
+    title = "median; the band holds the middle half of the runs"
+    axes.legend(fontsize=TEXT_PT, frameon=False, title=title, title_fontsize=TEXT_PT)
+    return figure
