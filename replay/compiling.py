@@ -7,7 +7,7 @@ door between the two: it hands out the kernels, or None where the reference is t
 Offline, whoever asks waits for the compiler, so that a run is the same from its first step to its last. Live, after
 `never_wait()`, nobody does: a process of lowest priority compiles into the cache, the reference runs meanwhile, and the
 kernels take over once they can be loaded. Without numba, or where compiling fails, the reference goes on for good. Each
-of these is said.
+of these is said. A user may also choose the reference: `use`.
 """
 
 import functools
@@ -35,6 +35,24 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _lock = threading.RLock()  # one compilation at a time: numba's is not made for two
 _waiting = True
+_wanted = True
+
+
+def use(compiled: bool) -> None:
+    """From now on this process uses kernels, or the plain forms alone: what `[compute] compiled` says."""
+    global _wanted
+    _wanted = compiled
+
+
+@contextmanager
+def plainly() -> Generator[None]:
+    """The plain forms alone, within."""
+    before = _wanted
+    use(compiled=False)
+    try:
+        yield
+    finally:
+        use(compiled=before)
 
 
 def never_wait() -> None:
@@ -93,6 +111,8 @@ class Compiled:
 
     def get(self) -> Any:
         """The kernels, or None: use the reference. The first call begins to build, and waits unless `never_wait`."""
+        if not _wanted:
+            return None
         if not self._begun:
             self._begun = True
             if _waiting:

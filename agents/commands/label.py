@@ -9,7 +9,6 @@ import numpy as np
 
 from agents.commands import options
 from agents.offline import LabelledFrame, labelled_frames
-from llrp_online.configuration import load
 
 _LOG = logging.getLogger(__name__)
 
@@ -25,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Label and write."""
-    configuration = load(arguments.config)
+    configuration = options.load_configuration(arguments)
     options.make_folder(arguments.output.parent)
     if arguments.output.is_dir():
         raise ValueError(f"{arguments.output}: cannot be written: it is a folder; name a file in it")

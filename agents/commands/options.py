@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from llrp_online.configuration import RobotConfiguration, load, load_toml
+from replay import compiling
 
 if TYPE_CHECKING:
     from agents.robots.simulated import SimulatedRobot
@@ -35,6 +36,7 @@ def add_agent(parser: argparse.ArgumentParser, default: str | None = None) -> No
 def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
     """The configuration, with what the command line says instead: --endpoint, and a learner's --seed."""
     configuration = load(arguments.config)
+    compiling.use(configuration.compute.compiled)
     if getattr(arguments, "endpoint", None):
         transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
         configuration = configuration.model_copy(update={"transport": transport})
