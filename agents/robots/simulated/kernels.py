@@ -15,7 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from replay.compiling import jit
+from functools import partial
+from replay.compiling import jit as _jit
+jit = partial(_jit, error_model='numpy', forceinline=True)
 
 KIND, X, Y, Z, COS, SIN, UP, HALF_X, HALF_Y, HALF_Z = range(10)  # of a solid
 PERIOD, TINT = 0, 7  # of a surface, whose X to UP are those of its solid
