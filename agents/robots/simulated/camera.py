@@ -5,6 +5,7 @@ that point. `Camera` does it with MuJoCo's rays and numpy; where `kernels.py` co
 pictures, many times faster. So that they are the same, neither leaves the order of a sum to a library.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +20,7 @@ from llrp_online.configuration.running import Simulation
 from replay.compiling import Compiled
 
 Floats = NDArray[np.float64]
+Eye = tuple[float, float, float, float, float]  # x, y, z [m], and cosine and sine of the yaw
 
 BEYOND = (175, 182, 190)  # what a ray sees that meets nothing: the hall around the arena
 SIGHT_M = 6.0
@@ -70,8 +72,9 @@ class Camera:
 
     def picture(self, pose: Floats) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 RGB, seen by a robot at `pose` [x_m, y_m, yaw_rad]."""
-        cos, sin = float(np.cos(pose[2])), float(np.sin(pose[2]))
-        eye = np.array([pose[0] + self._ahead_m * cos, pose[1] + self._ahead_m * sin, self._height_m, cos, sin])
+        x, y, yaw = pose.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        eye = x + self._ahead_m * cos, y + self._ahead_m * sin, self._height_m, cos, sin
         kernels = self._kernels.get()
         if kernels is None:
             picture = self._followed(eye)
@@ -80,10 +83,10 @@ class Camera:
             kernels.picture(eye, *self._scene, picture)
         return picture.reshape(self._optics.height, self._optics.width, 3)
 
-    def _followed(self, eye: Floats) -> NDArray[np.uint8]:
+    def _followed(self, eye: Eye) -> NDArray[np.uint8]:
         """(height * width, 3), ray by ray: the reference."""
-        origin_m = eye[:3]
-        rays = turned(self._optics.directions, eye[3], eye[4])
+        origin_m = np.array(eye[:3])
+        rays = turned(self._optics.directions, *eye[3:])
         distance_m, geom, normal = self._world.cast(origin_m, rays, SIGHT_M)
 
         met = np.flatnonzero(geom >= 0)
@@ -101,8 +104,7 @@ class Camera:
 
 
 def _scene(world: World, optics: Optics, textures: MipMaps, lamp: Lamp, simulation: Simulation) -> tuple[Any, ...]:
-    """What `kernels.picture` wants to know beside the eye, in its order: all that never changes."""
-    shadows = ShadowMap(world, lamp)
+    """What never changes, as `kernels.picture` takes it: optics, solids, textures, lamp and shadows."""
     down = optics.directions[:, 2]
     floor_m = np.full(len(down), np.inf)
     np.divide(-simulation.camera_height_m, down, out=floor_m, where=down < 0)
@@ -110,20 +112,16 @@ def _scene(world: World, optics: Optics, textures: MipMaps, lamp: Lamp, simulati
     pitch = np.deg2rad(simulation.pitch_deg)
     lens = [1 / optics.pixel_rad, np.cos(pitch), np.sin(pitch), optics.width / 2, optics.height / 2, optics.pixel_rad]
     surfaces = np.column_stack([textures.period_m, world.centres_m, world.turns, world.tints])
+    shadows = ShadowMap(world, lamp)
     return (
-        np.array([*lens, SIGHT_M, STEEPEST, *world.floor_half_m]),
-        optics.directions,
-        floor_m,
+        (np.array([*lens, SIGHT_M, STEEPEST, *world.floor_half_m, *BEYOND]), optics.directions, floor_m),
         world.solids,
-        surfaces,
-        textures.start,
-        textures.texels,
-        LEVEL_START,
-        HALFWAY,
-        np.array([*lamp.position_m, SHADOW_SLACK_M, lamp.ambient, *lamp.rgb]),
-        shadows.lamp_m,
-        shadows.grid,
-        shadows.start,
-        shadows.members,
-        np.array(BEYOND, np.float64),
+        (surfaces, textures.start, textures.texels, LEVEL_START, HALFWAY),
+        (
+            np.array([*lamp.position_m, SHADOW_SLACK_M, lamp.ambient, *lamp.rgb]),
+            shadows.lamp_m,
+            shadows.grid,
+            shadows.start,
+            shadows.members,
+        ),
     )

@@ -5,38 +5,50 @@ and nothing stands but upright boxes, cylinders and balls: where a pixel's ray m
 optics, a solid is looked for only in the pixels that its outline may cover, and between a point and the lamp only those
 that throw their shadow there (`lamp.py`). What is left is computed as MuJoCo and numpy compute it, in their order.
 
-A solid is a row of `World.solids`, and so is what a geom looks like a row of `surfaces`, with columns as below. Geom 0
-is the floor, geom i solid i - 1.
+A solid is a row of `World.solids`; geom 0 is the floor, and geom i is solid i - 1. All arrays are laid out as
+`camera.py` and `lamp.py` say, with the columns named here. One long file, because numba's cache looks at a kernel's own
+file only.
 """
 
 import math
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from functools import partial
-from replay.compiling import jit as _jit
-jit = partial(_jit, error_model='numpy', forceinline=True)
+from replay.compiling import jit
 
 KIND, X, Y, Z, COS, SIN, UP, HALF_X, HALF_Y, HALF_Z = range(10)  # of a solid
-PERIOD, TINT = 0, 7  # of a surface, whose X to UP are those of its solid
+PERIOD_M, TINT = 0, 7  # of a surface; its X to UP are those of its geom
+FOCAL, COS_PITCH, SIN_PITCH, MIDDLE_X, MIDDLE_Y, PIXEL_RAD, SIGHT_M, STEEPEST, FLOOR_X, FLOOR_Y, BEYOND = range(11)
+LAMP_X, LAMP_Y, LAMP_Z, SLACK_M, AMBIENT, LAMP_RED = range(6)
+GRID_X, GRID_Y, CELLS_A_METRE_X, CELLS_A_METRE_Y, CELLS = range(5)
+
 BOX, CYLINDER = 0, 1
-ACROSS_X, ACROSS_Y, ACROSS_Z, ROUND, BACK = 0, 1, 2, 3, 4  # the side that is met; + BACK: its normal looks to minus
+ACROSS_X, ACROSS_Y, ACROSS_Z, ROUND, BACK = range(5)  # the side that is met; + BACK: its normal looks to minus
 
 _TINY = 1e-15  # MuJoCo takes what is smaller for zero
 _NEAR_M = 1e-9  # in front of the camera's plane; what is nearer cannot be projected
 
 Vector = tuple[float, float, float]
-_VECTOR = "UniTuple(float64, 3)"
+Eye = tuple[float, float, float, float, float]  # x, y, z, and cosine and sine of the yaw
+_VECTOR, _EYE = "UniTuple(float64, 3)", "UniTuple(float64, 5)"
+_ROW, _ROWS, _SOME = "float64[::1]", "float64[:, ::1]", "int32[::1]"
+_OPTICS = f"Tuple(({_ROW}, {_ROWS}, {_ROW}))"  # numbers, directions, distance of the floor
+_TEXTURES = f"Tuple(({_ROWS}, int64[::1], float32[:, ::1], int64[::1], {_ROW}))"  # see `MipMaps`
+_LAMP = f"Tuple(({_ROW}, {_ROWS}, {_ROW}, {_SOME}, {_SOME}))"  # numbers, and see `ShadowMap`
+
+# Nothing here divides by zero unless infinity is meant; and most of these functions do less than a call costs.
+_kernel = partial(jit, error_model="numpy", forceinline=True)
 
 
 def build() -> SimpleNamespace:
     """`picture` and `nearest`, described below."""
     into_frame, meet = _meeting()
-    see, normal_at = _seeing(into_frame, meet)
-    shade = _shading(normal_at, _colouring(into_frame), _lighting(into_frame, meet))
-    return SimpleNamespace(picture=_picturing(see, shade), nearest=_feeling(into_frame, meet))
+    seeing = _seeing(into_frame, meet, _outlining())
+    picture = _picturing(seeing, _normals(into_frame), _colouring(into_frame), _lighting(into_frame, meet))
+    return SimpleNamespace(picture=picture, nearest=_feeling(into_frame, meet))
 
 
 def _meeting() -> Any:
@@ -45,12 +57,12 @@ def _meeting() -> Any:
     `meet(solid, point, ray)`, in its frame: distance, or -1, and the side.
     """
 
-    @jit(f"{_VECTOR}(float64[::1], {_VECTOR})")
+    @_kernel(f"{_VECTOR}({_ROW}, {_VECTOR})")
     def into_frame(row: Any, vector: Vector) -> Vector:
         x, y, z = vector
         return row[COS] * x + row[SIN] * y, row[COS] * y - row[SIN] * x, row[UP] * z
 
-    @jit("UniTuple(float64, 2)(float64, float64, float64)")
+    @_kernel("UniTuple(float64, 2)(float64, float64, float64)")
     def crossings(half: float, point: float, ray: float) -> tuple[float, float]:
         """Where a ray enters and leaves the slab between -half and half."""
         if abs(ray) <= _TINY:
@@ -58,7 +70,7 @@ def _meeting() -> Any:
         low, high = (-half - point) / ray, (half - point) / ray
         return (low, high) if ray > 0 else (high, low)
 
-    @jit(f"Tuple((float64, int64))(float64[::1], {_VECTOR}, {_VECTOR})")
+    @_kernel(f"Tuple((float64, int64))({_ROW}, {_VECTOR}, {_VECTOR})")
     def meet_box(solid: Any, point: Vector, ray: Vector) -> tuple[float, int]:
         enter, leave, enter_side, leave_side = -math.inf, math.inf, 0, 0
         for axis in range(3):
@@ -70,9 +82,11 @@ def _meeting() -> Any:
                 leave, leave_side = high, axis + BACK - back_first
             if enter > leave or leave < 0:
                 return -1.0, 0
+        if enter == leave and leave_side % BACK < enter_side % BACK:  # it grazes an edge: MuJoCo's first axis wins
+            return leave, leave_side
         return (enter, enter_side) if enter >= 0 else (leave, leave_side)
 
-    @jit("float64(float64, float64, float64)")
+    @_kernel("float64(float64, float64, float64)")
     def first_root(a: float, b: float, c: float) -> float:
         """The smallest x >= 0 with a x^2 + 2 b x + c = 0, or -1."""
         inside = b * b - a * c
@@ -84,7 +98,7 @@ def _meeting() -> Any:
             return first
         return second if second >= 0 else -1.0
 
-    @jit(f"Tuple((float64, int64))(float64[::1], {_VECTOR}, {_VECTOR})")
+    @_kernel(f"Tuple((float64, int64))({_ROW}, {_VECTOR}, {_VECTOR})")
     def meet_cylinder(solid: Any, point: Vector, ray: Vector) -> tuple[float, int]:
         (px, py, pz), (rx, ry, rz) = point, ray
         radius_squared, half = solid[HALF_X] * solid[HALF_X], solid[HALF_Z]
@@ -101,7 +115,7 @@ def _meeting() -> Any:
             distance, side = mantle, ROUND
         return distance, side
 
-    @jit(f"Tuple((float64, int64))(float64[::1], {_VECTOR}, {_VECTOR})")
+    @_kernel(f"Tuple((float64, int64))({_ROW}, {_VECTOR}, {_VECTOR})")
     def meet(solid: Any, point: Vector, ray: Vector) -> tuple[float, int]:
         if solid[KIND] == BOX:
             return meet_box(solid, point, ray)
@@ -114,84 +128,97 @@ def _meeting() -> Any:
     return into_frame, meet
 
 
-def _seeing(into_frame: Any, meet: Any) -> Any:
-    """`see(eye, lens, directions, floor_m, solids, distance_m, geom, side)`: fills the last three, a value a pixel.
+def _outlining() -> Any:
+    """`outline(solid, eye, point, lens)`: first and last row, first and last column of the pixels that may see it.
 
-    `normal_at(eye, solid, side, ray, point, distance_m)`: of the surface there.
+    `point` is the eye in the solid's frame.
     """
 
-    @jit("UniTuple(int64, 4)(float64[::1], float64[::1], float64[::1])")
-    def outline(solid: Any, eye: Any, lens: Any) -> tuple[int, int, int, int]:
-        """First and last row, first and last column of the pixels that may see it."""
-        focal, cos_pitch, sin_pitch, middle_x, middle_y = lens[0], lens[1], lens[2], lens[3], lens[4]
-        depth, right, down = np.empty(8), np.empty(8), np.empty(8)  # its corners, from the camera
+    @_kernel(f"void({_ROW}, {_EYE}, {_ROW}, {_ROWS})")
+    def place_corners(solid: Any, eye: Eye, lens: Any, corners: Any) -> None:
+        """Ahead of the camera, to its right and down."""
+        x, y, z, cos, sin = eye
         for corner in range(8):
-            x = solid[HALF_X] if corner & 1 else -solid[HALF_X]
-            y = solid[HALF_Y] if corner & 2 else -solid[HALF_Y]
-            z = solid[HALF_Z] if corner & 4 else -solid[HALF_Z]
-            east = solid[X] + solid[COS] * x - solid[SIN] * y - eye[0]
-            north = solid[Y] + solid[SIN] * x + solid[COS] * y - eye[1]
-            up = solid[Z] + z - eye[2]
-            ahead = east * eye[3] + north * eye[4]
-            depth[corner] = ahead * cos_pitch - up * sin_pitch
-            right[corner] = east * eye[4] - north * eye[3]
-            down[corner] = -ahead * sin_pitch - up * cos_pitch
-        west, east, north, south = math.inf, -math.inf, math.inf, -math.inf
+            along_x = solid[HALF_X] if corner & 1 else -solid[HALF_X]
+            along_y = solid[HALF_Y] if corner & 2 else -solid[HALF_Y]
+            along_z = solid[HALF_Z] if corner & 4 else -solid[HALF_Z]
+            east = solid[X] + solid[COS] * along_x - solid[SIN] * along_y - x
+            north = solid[Y] + solid[SIN] * along_x + solid[COS] * along_y - y
+            up, ahead = solid[Z] + along_z - z, east * cos + north * sin
+            corners[corner, 0] = ahead * lens[COS_PITCH] - up * lens[SIN_PITCH]
+            corners[corner, 1] = east * sin - north * cos
+            corners[corner, 2] = -ahead * lens[SIN_PITCH] - up * lens[COS_PITCH]
+
+    @_kernel(f"UniTuple(int64, 4)({_ROW}, {_EYE}, {_VECTOR}, {_ROW})")
+    def outline(solid: Any, eye: Eye, point: Vector, lens: Any) -> tuple[int, int, int, int]:
+        middle_x, middle_y = lens[MIDDLE_X], lens[MIDDLE_Y]
+        x_m, y_m, z_m = abs(point[0]) - solid[HALF_X], abs(point[1]) - solid[HALF_Y], abs(point[2]) - solid[HALF_Z]
+        if max(x_m, y_m, z_m) <= _NEAR_M:  # within it, or on its surface
+            return 0, int(2 * middle_y) - 1, 0, int(2 * middle_x) - 1
+        corners = np.empty((8, 3))
+        place_corners(solid, eye, lens, corners)
+        left, right, top, bottom = math.inf, -math.inf, math.inf, -math.inf
         for corner in range(8):
-            for axis in range(4):
-                # A corner ahead counts itself; for one behind count the places where its edges come before the camera.
-                other, share = corner ^ (1 << axis), 0.0
-                if depth[corner] < _NEAR_M:
-                    if axis == 3 or depth[other] <= _NEAR_M:
+            # A corner ahead counts itself; for one behind count the places where its edges come before the camera.
+            depth = corners[corner, 0]
+            behind = depth < _NEAR_M
+            for edge in range(3 if behind else 1):
+                other, share = corner ^ (1 << edge), 0.0
+                if behind:
+                    if corners[other, 0] <= _NEAR_M:
                         continue
-                    share = (_NEAR_M - depth[corner]) / (depth[other] - depth[corner])
-                elif axis < 3:
-                    continue
-                else:
-                    other = corner
-                scale = focal / max(depth[corner], _NEAR_M)
-                across = middle_x + scale * (right[corner] + share * (right[other] - right[corner]))
-                along = middle_y + scale * (down[corner] + share * (down[other] - down[corner]))
-                west, east = min(west, across), max(east, across)
-                north, south = min(north, along), max(south, along)
+                    share = (_NEAR_M - depth) / (corners[other, 0] - depth)
+                scale = lens[FOCAL] / max(depth, _NEAR_M)
+                x = scale * (corners[corner, 1] + share * (corners[other, 1] - corners[corner, 1]))
+                y = scale * (corners[corner, 2] + share * (corners[other, 2] - corners[corner, 2]))
+                left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
         # Pixel i is seen through i + 0.5. Whole pixels outwards, so that rounding hides nothing.
         return (
-            int(math.floor(min(max(north - 0.5, 0.0), 2 * middle_y))),
-            int(math.ceil(min(max(south - 0.5, -1.0), 2 * middle_y - 1))),
-            int(math.floor(min(max(west - 0.5, 0.0), 2 * middle_x))),
-            int(math.ceil(min(max(east - 0.5, -1.0), 2 * middle_x - 1))),
+            math.floor(min(max(middle_y + top - 0.5, 0.0), 2 * middle_y)),
+            math.ceil(min(max(middle_y + bottom - 0.5, -1.0), 2 * middle_y - 1)),
+            math.floor(min(max(middle_x + left - 0.5, 0.0), 2 * middle_x)),
+            math.ceil(min(max(middle_x + right - 0.5, -1.0), 2 * middle_x - 1)),
         )
 
-    @jit(
-        "void(float64[::1], float64[::1], float64[:, ::1], float64[::1], float64[:, ::1],"
-        " float64[::1], int32[::1], int8[::1])"
-    )
-    def see(
-        eye: Any, lens: Any, directions: Any, floor_m: Any, solids: Any, distance_m: Any, geom: Any, side: Any
-    ) -> None:
-        cos, sin, width, sight_m = eye[3], eye[4], int(2 * lens[3]), lens[6]
+    return outline
+
+
+def _seeing(into_frame: Any, meet: Any, outline: Any) -> Any:
+    """`see(eye, optics, solids, distance_m, geom, side)`: fills the last three, a value a pixel; geom -1 is nothing."""
+
+    @_kernel(f"void({_EYE}, {_OPTICS}, {_ROWS}, {_ROW}, {_SOME}, int8[::1])")
+    def see(eye: Eye, optics: Any, solids: Any, distance_m: Any, geom: Any, side: Any) -> None:
+        lens, directions, floor_m = optics
+        eye_x, eye_y, eye_z, cos, sin = eye
+        width = int(2 * lens[MIDDLE_X])
         for pixel in range(len(directions)):
-            forward, leftward = directions[pixel, 0], directions[pixel, 1]
-            x = eye[0] + (forward * cos - leftward * sin) * floor_m[pixel]
-            y = eye[1] + (forward * sin + leftward * cos) * floor_m[pixel]
-            on_floor = abs(x) <= lens[8] and abs(y) <= lens[9]
+            ahead, left = directions[pixel, 0], directions[pixel, 1]
+            x = eye_x + (ahead * cos - left * sin) * floor_m[pixel]
+            y = eye_y + (ahead * sin + left * cos) * floor_m[pixel]
+            on_floor = abs(x) <= lens[FLOOR_X] and abs(y) <= lens[FLOOR_Y]
             distance_m[pixel] = floor_m[pixel] if on_floor else math.inf
             geom[pixel] = 0 if on_floor else -1
             side[pixel] = ACROSS_Z
         for index in range(len(solids)):
             solid = solids[index]
-            first_row, last_row, first_column, last_column = outline(solid, eye, lens)
-            point = into_frame(solid, (eye[0] - solid[X], eye[1] - solid[Y], eye[2] - solid[Z]))
-            for row in range(first_row, last_row + 1):
-                for pixel in range(row * width + first_column, row * width + last_column + 1):
-                    forward, leftward = directions[pixel, 0], directions[pixel, 1]
-                    x, y = forward * cos - leftward * sin, forward * sin + leftward * cos
-                    met_m, met_side = meet(solid, point, into_frame(solid, (x, y, directions[pixel, 2])))
-                    if 0 <= met_m < distance_m[pixel] and met_m <= sight_m:
+            point = into_frame(solid, (eye_x - solid[X], eye_y - solid[Y], eye_z - solid[Z]))
+            top, bottom, leftmost, rightmost = outline(solid, eye, point, lens)
+            for row in range(top, bottom + 1):
+                for pixel in range(row * width + leftmost, row * width + rightmost + 1):
+                    ahead, left = directions[pixel, 0], directions[pixel, 1]
+                    ray = ahead * cos - left * sin, ahead * sin + left * cos, directions[pixel, 2]
+                    met_m, met_side = meet(solid, point, into_frame(solid, ray))
+                    if 0 <= met_m < distance_m[pixel] and met_m <= lens[SIGHT_M]:
                         distance_m[pixel], geom[pixel], side[pixel] = met_m, index + 1, met_side
 
-    @jit(f"{_VECTOR}(float64[::1], float64[::1], int64, {_VECTOR}, {_VECTOR}, float64)")
-    def normal_at(eye: Any, solid: Any, side: int, ray: Vector, point: Vector, distance_m: float) -> Vector:
+    return see
+
+
+def _normals(into_frame: Any) -> Any:
+    """`normal_at(eye, solid, side, ray, point, distance_m)`: of the surface there, outwards."""
+
+    @_kernel(f"{_VECTOR}({_EYE}, {_ROW}, int64, {_VECTOR}, {_VECTOR}, float64)")
+    def normal_at(eye: Eye, solid: Any, side: int, ray: Vector, point: Vector, distance_m: float) -> Vector:
         if side == ROUND and solid[KIND] == CYLINDER:
             px, py, _ = into_frame(solid, (eye[0] - solid[X], eye[1] - solid[Y], eye[2] - solid[Z]))
             rx, ry, _ = into_frame(solid, ray)
@@ -204,23 +231,22 @@ def _seeing(into_frame: Any, meet: Any) -> Any:
             inverse = 1 / math.sqrt(x * x + y * y + z * z)
             return x * inverse, y * inverse, z * inverse
         sign = 1.0 if side < BACK else -1.0
-        axis = side % BACK
-        if axis == ACROSS_X:
+        if side % BACK == ACROSS_X:
             return sign * solid[COS], sign * solid[SIN], 0.0
-        if axis == ACROSS_Y:
+        if side % BACK == ACROSS_Y:
             return -sign * solid[SIN], sign * solid[COS], 0.0
         return 0.0, 0.0, sign * solid[UP]
 
-    return see, normal_at
+    return normal_at
 
 
 def _colouring(into_frame: Any) -> Any:
-    """`texel(surface, start, level_start, halfway, point, normal, pixel_m)`: where its colour is; see `MipMaps`."""
+    """`texel(textures, geom, point, normal, pixel_m)`: the row of its colour; see `MipMaps.colours`."""
 
-    @jit(f"int64(float64[::1], int64, int64[::1], float64[::1], {_VECTOR}, {_VECTOR}, float64)")
-    def texel(
-        surface: Any, start: int, level_start: Any, halfway: Any, point: Vector, normal: Vector, pixel_m: float
-    ) -> int:
+    @_kernel(f"int64({_TEXTURES}, int64, {_VECTOR}, {_VECTOR}, float64)")
+    def texel(textures: Any, geom: int, point: Vector, normal: Vector, pixel_m: float) -> int:
+        surfaces, starts, _, level_starts, halfway = textures
+        surface = surfaces[geom]
         x, y, z = into_frame(surface, (point[0] - surface[X], point[1] - surface[Y], point[2] - surface[Z]))
         facing_x, facing_y, facing_z = into_frame(surface, normal)
         if abs(facing_x) >= abs(facing_y) and abs(facing_x) >= abs(facing_z):
@@ -229,185 +255,118 @@ def _colouring(into_frame: Any) -> Any:
             u, v = x, z
         else:
             u, v = x, y
+        period_m = surface[PERIOD_M]
         levels, level = len(halfway), 0
-        texels = pixel_m * (1 << levels) / surface[PERIOD]
+        texels = pixel_m * (1 << levels) / period_m
         while level < levels and texels >= halfway[level]:
             level += 1
         size = 1 << (levels - level)
-        column = int(math.floor(u / surface[PERIOD] * size)) & (size - 1)
-        row = int(math.floor(v / surface[PERIOD] * size)) & (size - 1)
-        return start + level_start[level] + row * size + column
+        column = math.floor(u / period_m * size) & (size - 1)
+        row = math.floor(v / period_m * size) & (size - 1)
+        return starts[geom] + level_starts[level] + row * size + column
 
     return texel
 
 
 def _lighting(into_frame: Any, meet: Any) -> Any:
-    """`share(lamp, solids, from_lamp, grid, start, members, point, normal)`: see `Lamp.share`."""
+    """`share(lamp, solids, point, normal)`: see `Lamp.share`."""
 
-    @jit(f"int64(float64[::1], float64[::1], {_VECTOR})")
+    @_kernel(f"int64({_ROW}, {_ROW}, {_VECTOR})")
     def cell(lamp: Any, grid: Any, point: Vector) -> int:
         """Of the shadow map."""
         x, y, z = point
-        cells = int(grid[4])
-        if z < lamp[2] - lamp[3]:
-            onward = lamp[2] / (lamp[2] - z)
-            column = (lamp[0] + (x - lamp[0]) * onward - grid[0]) * grid[2]
-            row = (lamp[1] + (y - lamp[1]) * onward - grid[1]) * grid[3]
+        cells = int(grid[CELLS])
+        if z < lamp[LAMP_Z] - lamp[SLACK_M]:
+            onward = lamp[LAMP_Z] / (lamp[LAMP_Z] - z)
+            column = (lamp[LAMP_X] + (x - lamp[LAMP_X]) * onward - grid[GRID_X]) * grid[CELLS_A_METRE_X]
+            row = (lamp[LAMP_Y] + (y - lamp[LAMP_Y]) * onward - grid[GRID_Y]) * grid[CELLS_A_METRE_Y]
             if 0 <= column < cells and 0 <= row < cells:
                 return int(row) * cells + int(column)
         return cells * cells
 
-    @jit(
-        f"float64(float64[::1], float64[:, ::1], float64[:, ::1], float64[::1], int32[::1], int32[::1],"
-        f" {_VECTOR}, {_VECTOR})"
-    )
-    def share(
-        lamp: Any, solids: Any, from_solids: Any, grid: Any, start: Any, members: Any, point: Vector, normal: Vector
-    ) -> float:
-        x, y, z = point[0] - lamp[0], point[1] - lamp[1], point[2] - lamp[2]
-        reach = math.sqrt(x * x + y * y + z * z)
-        x, y, z = x / reach, y / reach, z / reach
-        facing = -(x * normal[0] + y * normal[1] + z * normal[2])
+    @_kernel(f"float64({_LAMP}, {_ROWS}, {_VECTOR}, {_VECTOR})")
+    def share(lamp_and_shadows: Any, solids: Any, point: Vector, normal: Vector) -> float:
+        lamp, in_frames, grid, start, members = lamp_and_shadows
+        x, y, z = point[0] - lamp[LAMP_X], point[1] - lamp[LAMP_Y], point[2] - lamp[LAMP_Z]
+        reach_m = math.sqrt(x * x + y * y + z * z)
+        ray = x / reach_m, y / reach_m, z / reach_m
+        facing = -(ray[0] * normal[0] + ray[1] * normal[1] + ray[2] * normal[2])
         if facing <= 0:
             return 0.0
         here = cell(lamp, grid, point)
         for entry in range(start[here], start[here + 1]):
-            index = members[entry]
-            lamp_there = from_solids[index, 0], from_solids[index, 1], from_solids[index, 2]
-            first, _ = meet(solids[index], lamp_there, into_frame(solids[index], (x, y, z)))
-            if 0 <= first < reach - lamp[3]:
+            solid, at = solids[members[entry]], in_frames[members[entry]]
+            first_m, _ = meet(solid, (at[0], at[1], at[2]), into_frame(solid, ray))
+            if 0 <= first_m < reach_m - lamp[SLACK_M]:
                 return 0.0
         return facing
 
     return share
 
 
-def _shading(normal_at: Any, texel: Any, share: Any) -> Any:
-    """`shade(...)`: fills the colours of what was seen."""
+def _picturing(see: Any, normal_at: Any, texel: Any, share: Any) -> Any:
+    """`picture(eye, optics, solids, textures, lamp, pixels)`: fills the last; see `Camera`."""
 
-    @jit(
-        "void(float64[::1], float64[::1], float64[:, ::1], float64[:, ::1], float64[:, ::1],"
-        " int64[::1], float32[:, ::1], int64[::1], float64[::1],"
-        " float64[::1], float64[:, ::1], float64[::1], int32[::1], int32[::1], float64[::1],"
-        " float64[::1], int32[::1], int8[::1], uint8[:, ::1])"
-    )
-    def shade(
-        eye: Any,
-        lens: Any,
-        directions: Any,
-        solids: Any,
-        surfaces: Any,
-        texture_start: Any,
-        texels: Any,
-        level_start: Any,
-        halfway: Any,
-        lamp: Any,
-        from_solids: Any,
-        grid: Any,
-        start: Any,
-        members: Any,
-        beyond: Any,
-        distance_m: Any,
-        geom: Any,
-        side: Any,
-        picture: Any,
-    ) -> None:
-        cos, sin, pixel_rad, steepest = eye[3], eye[4], lens[5], lens[7]
-        for pixel in range(len(directions)):
-            met, far_m = geom[pixel], distance_m[pixel]
-            if met < 0:
-                for channel in range(3):
-                    picture[pixel, channel] = np.uint8(beyond[channel])
-                continue
-            forward, leftward, up = directions[pixel, 0], directions[pixel, 1], directions[pixel, 2]
-            ray = forward * cos - leftward * sin, forward * sin + leftward * cos, up
-            point = eye[0] + ray[0] * far_m, eye[1] + ray[1] * far_m, eye[2] + ray[2] * far_m
-            if met:
-                normal = normal_at(eye, solids[met - 1], side[pixel], ray, point, far_m)
-            else:
-                normal = 0.0, 0.0, 1.0
-            slant = -(ray[0] * normal[0] + ray[1] * normal[1] + ray[2] * normal[2])
-            pixel_m = far_m * pixel_rad / math.sqrt(min(max(slant, steepest), 1.0))
-            row = texel(surfaces[met], texture_start[met], level_start, halfway, point, normal, pixel_m)
-            lit = share(lamp, solids, from_solids, grid, start, members, point, normal)
-            for channel in range(3):
-                colour = texels[row, channel] * surfaces[met, TINT] * (lamp[4] + lit * lamp[5 + channel])
-                picture[pixel, channel] = np.uint8(min(max(colour, 0.0), 255.0))
-
-    return shade
-
-
-def _picturing(see: Any, shade: Any) -> Any:
-    """`picture(eye, ...)`: fills the last argument; the others are as `camera._scene` lists them."""
-
-    @jit(
-        "void(float64[::1], float64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[:, ::1],"
-        " int64[::1], float32[:, ::1], int64[::1], float64[::1],"
-        " float64[::1], float64[:, ::1], float64[::1], int32[::1], int32[::1], float64[::1], uint8[:, ::1])"
-    )
-    def picture(
-        eye: Any,
-        lens: Any,
-        directions: Any,
-        floor_m: Any,
-        solids: Any,
-        surfaces: Any,
-        texture_start: Any,
-        texels: Any,
-        level_start: Any,
-        halfway: Any,
-        lamp: Any,
-        from_solids: Any,
-        grid: Any,
-        start: Any,
-        members: Any,
-        beyond: Any,
-        pixels: Any,
-    ) -> None:
+    @_kernel(f"void({_EYE}, {_OPTICS}, {_ROWS}, {_TEXTURES}, {_LAMP}, uint8[:, ::1])")
+    def picture(eye: Eye, optics: Any, solids: Any, textures: Any, lamp: Any, pixels: Any) -> None:
+        lens, directions, _ = optics
+        surfaces, _, texels, _, _ = textures
+        eye_x, eye_y, eye_z, cos, sin = eye
         count = len(directions)
-        distance_m, geom, side = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int8)
-        see(eye, lens, directions, floor_m, solids, distance_m, geom, side)
-        shade(
-            eye, lens, directions, solids, surfaces, texture_start, texels, level_start, halfway,
-            lamp, from_solids, grid, start, members, beyond, distance_m, geom, side, pixels,
-        )  # fmt: skip
+        distances_m, geoms, sides = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int8)
+        see(eye, optics, solids, distances_m, geoms, sides)
+        for pixel in range(count):
+            distance_m, geom = distances_m[pixel], geoms[pixel]
+            if geom < 0:
+                for channel in range(3):
+                    pixels[pixel, channel] = np.uint8(lens[BEYOND + channel])
+                continue
+            ahead, left = directions[pixel, 0], directions[pixel, 1]
+            ray = ahead * cos - left * sin, ahead * sin + left * cos, directions[pixel, 2]
+            point = eye_x + ray[0] * distance_m, eye_y + ray[1] * distance_m, eye_z + ray[2] * distance_m
+            normal = 0.0, 0.0, 1.0
+            if geom > 0:
+                normal = normal_at(eye, solids[geom - 1], sides[pixel], ray, point, distance_m)
+            slant = -(ray[0] * normal[0] + ray[1] * normal[1] + ray[2] * normal[2])
+            pixel_m = distance_m * lens[PIXEL_RAD] / math.sqrt(min(max(slant, lens[STEEPEST]), 1.0))
+            colour = texel(textures, geom, point, normal, pixel_m)
+            lit = share(lamp, solids, point, normal)
+            for channel in range(3):
+                brightness = lamp[0][AMBIENT] + lit * lamp[0][LAMP_RED + channel]
+                value = texels[colour, channel] * surfaces[geom, TINT] * brightness
+                pixels[pixel, channel] = np.uint8(min(max(value, 0.0), 255.0))
 
     return picture
 
 
 def _feeling(into_frame: Any, meet: Any) -> Any:
-    """`nearest(x_m, y_m, cos, sin, origins_m, rays, solids, cutoff_m, found_m)`: fills the last; see `Proximity`."""
+    """`nearest(position, origins_m, rays, solids, cutoff_m, found_m)`: fills the last; see `Proximity`."""
 
-    @jit(
-        "void(float64, float64, float64, float64, float64[:, ::1], float64[:, :, ::1], float64[:, ::1], float64,"
-        " float64[::1])"
-    )
+    @_kernel(f"void(UniTuple(float64, 4), {_ROWS}, float64[:, :, ::1], {_ROWS}, float64, {_ROW})")
     def nearest(
-        x_m: float,
-        y_m: float,
-        cos: float,
-        sin: float,
+        position: tuple[float, float, float, float],
         origins_m: Any,
         rays: Any,
         solids: Any,
         cutoff_m: float,
         found_m: Any,
     ) -> None:
-        for beam in range(len(origins_m)):
-            found_m[beam] = math.inf
-            x = x_m + (origins_m[beam, 0] * cos - origins_m[beam, 1] * sin)
-            y = y_m + (origins_m[beam, 0] * sin + origins_m[beam, 1] * cos)
+        x_m, y_m, cos, sin = position
+        for sensor in range(len(origins_m)):
+            found_m[sensor] = math.inf
+            x = x_m + (origins_m[sensor, 0] * cos - origins_m[sensor, 1] * sin)
+            y = y_m + (origins_m[sensor, 0] * sin + origins_m[sensor, 1] * cos)
             for index in range(len(solids)):
                 solid = solids[index]
-                dx, dy, dz = x - solid[X], y - solid[Y], origins_m[beam, 2] - solid[Z]
-                if max(abs(dx), abs(dy)) > cutoff_m + solid[HALF_X] + solid[HALF_Y]:
+                away = x - solid[X], y - solid[Y], origins_m[sensor, 2] - solid[Z]
+                if max(abs(away[0]), abs(away[1])) > cutoff_m + solid[HALF_X] + solid[HALF_Y]:
                     continue
-                point = into_frame(solid, (dx, dy, dz))
-                for ray in range(rays.shape[1]):
-                    forward, leftward, up = rays[beam, ray, 0], rays[beam, ray, 1], rays[beam, ray, 2]
-                    direction = forward * cos - leftward * sin, forward * sin + leftward * cos, up
-                    met_m, _ = meet(solid, point, into_frame(solid, direction))
-                    if 0 <= met_m < found_m[beam] and met_m <= cutoff_m:
-                        found_m[beam] = met_m
+                point = into_frame(solid, away)
+                for beam in range(rays.shape[1]):
+                    ahead, left = rays[sensor, beam, 0], rays[sensor, beam, 1]
+                    ray = ahead * cos - left * sin, ahead * sin + left * cos, rays[sensor, beam, 2]
+                    met_m, _ = meet(solid, point, into_frame(solid, ray))
+                    if 0 <= met_m < found_m[sensor] and met_m <= cutoff_m:
+                        found_m[sensor] = met_m
 
     return nearest

@@ -76,7 +76,7 @@ class ShadowMap:
 
 
 def _shadow(solid: Floats, lamp_m: Floats) -> Floats:
-    """(E, 3): where a x + b y + c <= 0 for each edge [a, b, c], with a^2 + b^2 = 1, its shadow is; no edge: anywhere."""
+    """(E, 3): its shadow is where a x + b y + c <= 0 for each edge [a, b, c], a^2 + b^2 = 1; no edge: anywhere."""
     _, x, y, z, cos, sin, _, *half = solid
     signs = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
     along = signs * half

@@ -14,7 +14,9 @@ Floats = NDArray[np.float64]
 
 LEVELS = SIZE.bit_length()  # 512, 256, ..., 1
 LEVEL_START = np.cumsum([0, *(4**k for k in range(LEVELS - 1, 0, -1))])
-HALFWAY = 2.0 ** (np.arange(LEVELS - 1) + 0.5)  # (LEVELS - 1,): from so many texels a pixel on, the next level is nearer
+HALFWAY = 2.0 ** (
+    np.arange(LEVELS - 1) + 0.5
+)  # (LEVELS - 1,): from so many texels a pixel on, the next level is nearer
 _PLANE = np.array([[1, 2], [0, 2], [0, 1]])  # the two axes that span the plane across axis 0, 1 or 2
 
 

@@ -1,5 +1,7 @@
 """The proximity sensors: five on the front rim, each the nearest thing within its narrow cone, 10 cm far."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,9 +24,9 @@ class Proximity:
         half = np.deg2rad(simulation.beam_width_deg) / 2
         cone = angles[:, None] + (np.linspace(-half, half, RAYS) if half else np.zeros(1))
         # In the robot's frame: (S, 3) where the sensors are, and (S, RAYS, 3) where they look. All is level.
-        ahead_m, left_m = simulation.centre_ahead_m + simulation.radius_m * np.cos(angles), np.sin(angles)
-        left_m = simulation.radius_m * left_m
-        self._origins_m = np.stack([ahead_m, left_m, np.full(len(angles), simulation.beam_height_m)], -1)
+        ahead_m = simulation.centre_ahead_m + simulation.radius_m * np.cos(angles)
+        left_m, height_m = simulation.radius_m * np.sin(angles), np.full(len(angles), simulation.beam_height_m)
+        self._origins_m = np.stack([ahead_m, left_m, height_m], -1)
         self._rays = np.stack([np.cos(cone), np.sin(cone), np.zeros_like(cone)], -1)
         self._reach_m, self._noise_m = simulation.range_m, simulation.range_noise_m
         self._cutoff_m = self._reach_m + MARGIN_SIGMAS * self._noise_m
@@ -32,18 +34,20 @@ class Proximity:
 
     def ranges(self, pose: Floats) -> Floats:
         """(S,) float64 [m] from a robot at `pose`, right to left."""
-        x, y, cos, sin = float(pose[0]), float(pose[1]), float(np.cos(pose[2])), float(np.sin(pose[2]))
+        x, y, yaw = pose.tolist()
+        position = x, y, math.cos(yaw), math.sin(yaw)
         true_m = np.empty(len(self._rays))
         kernels = self._kernels.get()
         if kernels is None:
-            self._follow(np.array([x, y, 0.0]), cos, sin, true_m)
+            self._follow(*position, true_m)
         else:
-            kernels.nearest(x, y, cos, sin, self._origins_m, self._rays, self._world.solids, self._cutoff_m, true_m)
+            kernels.nearest(position, self._origins_m, self._rays, self._world.solids, self._cutoff_m, true_m)
         noisy_m = np.maximum(true_m + self._noise_m * self._rng.standard_normal(len(true_m)), 0.0)
         return np.where(noisy_m <= self._reach_m, noisy_m, np.inf)
 
-    def _follow(self, position_m: Floats, cos: float, sin: float, true_m: Floats) -> None:
+    def _follow(self, x_m: float, y_m: float, cos: float, sin: float, true_m: Floats) -> None:
         """What each sensor would feel without noise, ray by ray: the reference."""
-        origins_m, rays = position_m + turned(self._origins_m, cos, sin), turned(self._rays, cos, sin)
+        origins_m = np.array([x_m, y_m, 0.0]) + turned(self._origins_m, cos, sin)
+        rays = turned(self._rays, cos, sin)
         for sensor, origin_m in enumerate(origins_m):
             true_m[sensor] = self._world.cast(origin_m, rays[sensor], self._cutoff_m)[0].min()
