@@ -61,8 +61,10 @@ def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[L
     for message, _ in messages_of(path, intake):
         for event in intake.events(message.topic, message.type, message.data, message.log_ns):
             outcome = labeller.take(event)
-            pictures |= {frame.frame_id: frame.picture for frame in outcome.frames}
-            yield from _closed(outcome.updates, pictures)
+            for frame in outcome.frames:
+                pictures[frame.frame_id] = frame.picture
+            if outcome.updates:
+                yield from _closed(outcome.updates, pictures)
     yield from _closed(labeller.end_trajectory(), pictures)
     report_drops(path, intake.drops + labeller.drops)
 

@@ -131,3 +131,21 @@ def test_errors_say_what_was_expected():
         evaluation.resolved(0, np.zeros((1, 2), np.int8), closed=True)
     with pytest.raises(ValueError, match="got 0"):
         Prequential(LINE, SENSORS, capacity=0)
+
+
+def test_many_at_once_are_as_one_by_one():
+    probabilities, labels = frames(12)
+    together, apart = (Prequential(LINE, SENSORS, capacity=8) for _ in range(2))
+    for evaluation, frame in itertools.product((together, apart), range(12)):
+        evaluation.predicted(frame, probabilities[frame])
+    ids, closed = np.arange(12)[::-1], np.arange(12) % 3 == 0  # 0 to 3 have left the window
+    losses = together.resolved_many(ids, labels[ids], closed)
+    for index, (frame, ends) in enumerate(zip(ids.tolist(), closed.tolist(), strict=True)):
+        expected = apart.resolved(frame, labels[frame], closed=ends)
+        assert (index in losses) == (expected is not None)
+        if expected is not None:
+            np.testing.assert_array_equal(losses[index], expected)
+    np.testing.assert_array_equal(together.score().auc, apart.score().auc)
+    assert together.bands() == apart.bands()
+    with pytest.raises(ValueError, match=r"expected labels \(2, 31, 2\) and closed \(2,\), got shapes \(3, 31, 2\)"):
+        together.resolved_many(ids[:2], labels[:3], closed[:2])
