@@ -13,7 +13,7 @@ from agents.intake import Intake
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.labeller import Labeller
 from replay.recording import Message, read
-from replay.trajectory import LabelUpdate
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
 
 def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[LabelledFrame]:
     """The frames of one recording that have a pose, in order of time, each when its window has closed."""
-    intake, labeller = Intake(configuration), Labeller(configuration)
+    intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
     pictures: dict[int, NDArray[np.uint8]] = {}
     for message, _ in messages_of(path, intake):
         for event in intake.events(message.topic, message.type, message.data, message.log_ns):
@@ -75,9 +75,8 @@ def report_drops(source: Path | str, drops: Counter[str]) -> None:
         _LOG.warning("%s: dropped %d: %s", source, count, what)
 
 
-def _closed(updates: list[LabelUpdate], pictures: dict[int, NDArray[np.uint8]]) -> Iterator[LabelledFrame]:
+def _closed(updates: Updates, pictures: dict[int, NDArray[np.uint8]]) -> Iterator[LabelledFrame]:
     for update in updates:
-        if update.closed:
-            picture = pictures.pop(update.frame_id)
-            if update.posed:
-                yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)
+        picture = pictures.pop(update.frame_id)
+        if update.posed:
+            yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)

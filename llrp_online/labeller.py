@@ -15,7 +15,8 @@ from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample, Reading
 from llrp_online.odometry import MotionNoise
 from llrp_online.synchroniser import Synchroniser
-from replay.trajectory import LabelUpdate, TrajectoryStore
+from replay.trajectory import TrajectoryStore
+from replay.updates import Updates
 
 #: What the synchroniser's arrays are called by beside the store's.
 _CAMERAS = "cameras."
@@ -41,7 +42,7 @@ class Outcome:
     """What one event led to: frames that came in, then what became known of any frame."""
 
     frames: list[NewFrame]
-    updates: list[LabelUpdate]
+    updates: Updates
 
 
 class Labeller:
@@ -50,9 +51,10 @@ class Labeller:
     Args:
         configuration: the robot's.
         first_id: of the frames to come; above every id a restored memory holds.
+        only_closed: tell of each frame once, when its window has closed.
     """
 
-    def __init__(self, configuration: RobotConfiguration, first_id: int = 0) -> None:
+    def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
         topics = configuration.range_topics
         self._streams = {
             topic: (index, [i for i, sensor in enumerate(configuration.short_range) if sensor.topic == topic])
@@ -71,6 +73,7 @@ class Labeller:
                 odometry.position_noise_m_per_sqrt_m,
             ),
             budget_bytes=round(configuration.memory.store_mb * 1e6),
+            only_closed=only_closed,
         )
         self.next_id = first_id
 
@@ -89,12 +92,13 @@ class Labeller:
         if isinstance(event, Reading):
             stream, sensors = self._streams[event.topic]
             return Outcome([], self.store.add_reading(event.t_ns, stream, event.bits[sensors]))
-        outcome = Outcome([], [])
+        frames: list[NewFrame] = []
+        updates: list[Updates] = []
         for frame in self._synchroniser.add(event):
-            outcome.frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
-            outcome.updates.extend(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
+            frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
+            updates.append(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
             self.next_id += 1
-        return outcome
+        return Outcome(frames, Updates.joined(updates) if updates else self.store.nothing)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that waits, as arrays for `restore`."""
@@ -107,7 +111,7 @@ class Labeller:
         cameras = {name: array for name, array in state.items() if name.startswith(_CAMERAS)}
         self._synchroniser.restore({name.removeprefix(_CAMERAS): array for name, array in cameras.items()})
 
-    def end_trajectory(self) -> list[LabelUpdate]:
+    def end_trajectory(self) -> Updates:
         """A new recording, or a robot that was carried off: every frame closes."""
         self._synchroniser.clear()
         return self.store.end_trajectory()

@@ -24,7 +24,7 @@ from llrp_online.publisher import Publisher, Version
 from llrp_online.status import LearnerStatus, whole_minutes
 from llrp_online.trainer import Trainer, Weights
 from replay.buffer import BufferSettings, ReplayBuffer
-from replay.trajectory import LabelUpdate
+from replay.updates import LabelUpdate, Updates
 
 #: Drift events remembered, newest last.
 _EVENTS = 100
@@ -75,7 +75,7 @@ class Learner:
 
     # --- the loop: take events, then take the steps that are due
 
-    def take(self, event: Event) -> list[LabelUpdate]:
+    def take(self, event: Event) -> Updates:
         """Take in one event: predict each new frame, remember each label that became known; the label updates."""
         self.pace.advance(event.t_ns, learning=self._can_learn())
         outcome = self.labeller.take(event)

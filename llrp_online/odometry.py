@@ -5,6 +5,7 @@
 robot that gives poses without covariance; the label rule's drift window adds such steps up.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, cast
 
@@ -12,7 +13,7 @@ import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, update
 from numpy.typing import NDArray
 
-from replay.poses import compose, wrap
+from replay.poses import compose
 
 Floats = NDArray[np.float64]
 
@@ -108,28 +109,22 @@ class MotionNoise:
         heading_noise_rad_per_sqrt_m: deviation of the heading after one metre.
         position_noise_m_per_sqrt_m: deviation of the position after one metre, the same in every direction.
 
-    >>> heading, position = MotionNoise(0.03, 0.04, 0.02)([1.0, 0.0, 0.0])
-    >>> float(heading), position.round(6).tolist()
-    (0.0016, [[0.0004, 0.0], [0.0, 0.0004]])
+    >>> MotionNoise(0.03, 0.04, 0.02)(1.0, 0.0, 0.0)
+    (0.0016, 0.0004, 0.0, 0.0004)
     """
 
     heading_noise_rad_per_sqrt_rad: float
     heading_noise_rad_per_sqrt_m: float
     position_noise_m_per_sqrt_m: float
 
-    def __call__(self, step: Floats | list[float]) -> tuple[Floats, Floats]:
-        """The noise of each step.
-
-        Args:
-            step: (..., 3) poses relative to the step's start.
+    def __call__(self, x_m: float, y_m: float, turn_rad: float) -> tuple[float, float, float, float]:
+        """The noise of a step, given in the frame of its start.
 
         Returns:
-            Variance of the heading gained, (...) [rad^2], and covariance of the position in the frame of the step's
-            start, (..., 2, 2) [m^2], without what the heading's own error adds later.
+            Variance of the heading gained [rad^2], and covariance of the position as xx, xy, yy in the same frame
+            [m^2], without what the heading's own error adds later.
         """
-        step = np.asarray(step, np.float64)
-        way_m = np.hypot(step[..., 0], step[..., 1])
-        turn_rad = np.abs(wrap(step[..., 2]))
-        heading = self.heading_noise_rad_per_sqrt_rad**2 * turn_rad + self.heading_noise_rad_per_sqrt_m**2 * way_m
-        position = (self.position_noise_m_per_sqrt_m**2 * way_m)[..., None, None] * np.eye(2)
-        return heading, position
+        way_m = math.hypot(x_m, y_m)
+        heading = self.heading_noise_rad_per_sqrt_rad**2 * abs(turn_rad) + self.heading_noise_rad_per_sqrt_m**2 * way_m
+        position = self.position_noise_m_per_sqrt_m**2 * way_m
+        return heading, position, 0.0, position
