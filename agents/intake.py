@@ -81,6 +81,7 @@ class Intake:
         self._takers: dict[str, list[Callable[[str, str, bytes, int], Event | None]]] = {}
         self._cameras: dict[str, int] = {}
         self._came: dict[str, str] = {}
+        self._names: dict[str, str] = {}
         for index, camera in enumerate(configuration.camera):
             self._cameras[self._relative(camera.topic)] = index
             self._listen(camera.topic, self._picture)
@@ -100,10 +101,10 @@ class Intake:
 
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""
-        name = self._relative(topic)
+        name = self._names.get(topic) or self._relative(topic)
         type_name = type_name or self._types.get(name, "")
-        if len(self._came) < _MOST_TOPICS:
-            self._came.setdefault(topic, type_name)
+        if topic not in self._came and len(self._came) < _MOST_TOPICS:
+            self._came[topic], self._names[topic] = type_name, name
         found = [take(name, type_name, data, received_ns) for take in self._takers.get(name, [])]
         return [event for event in found if event is not None]
 
@@ -230,7 +231,13 @@ def read_field(message: object, field: str) -> float:
     2.0
     """
     value: Any = message
-    for part in _parts(field):
+    parts = _parts(field)
+    # What nearly every sensor is: an element of a list of floats.
+    if len(parts) == 2 and type(parts[1]) is int:
+        array = getattr(message, str(parts[0]), None)
+        if type(array) is np.ndarray and array.dtype.kind == "f" and parts[1] < array.size:
+            return array.item(parts[1])
+    for part in parts:
         try:
             value = value[part] if isinstance(part, int) else getattr(value, part)
         except AttributeError:

@@ -26,6 +26,7 @@ from replay.uncertainty import StepNoise
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
+_CLOSED_AT_ONCE = 64
 
 
 class TrajectoryStore:
@@ -73,7 +74,10 @@ class TrajectoryStore:
         self._budget_bytes, self._only_closed = budget_bytes, only_closed
         self._pictures: dict[int, NDArray[np.uint8]] = {}
         self._picture_bytes = 0
+        self._frame_bytes = self._frames.row_bytes
         self._clock = Clock(limits.max_delay_s)
+        self._watermark_ns = self._clock.watermark_ns
+        self._settled_ns = self._final_ns()
         self.drops: Counter[str] = Counter()
 
     # --- what a roboticist asks of it
@@ -110,7 +114,7 @@ class TrajectoryStore:
             return restarted
         self._clock.heard_odometry(t_ns)
         settled = self._track.add(t_ns, numbers, covariance)
-        return Updates.joined([restarted, self._hand_out(self._solvers.now.take_odometry(settled))])
+        return Updates.joined([restarted, self._hand_out(self._solvers.now.take_odometry(settled), posed=True)])
 
     def add_reading(self, t_ns: int, stream: int, bits: NDArray[np.int8]) -> Updates:
         """Take in what the sensors of a stream said: `bits` (sensors of the stream,) int8, 1, 0 or -1 unknown."""
@@ -140,6 +144,7 @@ class TrajectoryStore:
         self._readings.clear()
         self._track.clear()
         self._clock.reset()
+        self._watermark_ns, self._settled_ns = self._clock.watermark_ns, self._final_ns()
         return updates
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -165,14 +170,14 @@ class TrajectoryStore:
         }
         self._picture_bytes = sum(picture.nbytes for picture in self._pictures.values())
         self._clock.restore(state["clock"])
+        self._watermark_ns, self._settled_ns = self._clock.watermark_ns, self._final_ns()
 
     def _parts(self) -> dict[str, Ring[Any]]:
         return {"frames": self._frames, "odometry": self._track, "readings": self._readings}
 
     # --- time
 
-    @property
-    def _settled_ns(self) -> int:
+    def _final_ns(self) -> int:
         """Every pose before this is final: no sample that may still arrive can lie around it."""
         watermark = self._clock.watermark_ns
         without_odometry = watermark - round(self._limits.max_gap_s * 1e9)
@@ -206,24 +211,43 @@ class TrajectoryStore:
 
     # --- handing out, closing, forgetting
 
-    def _hand_out(self, changed: bool) -> Updates:
-        """What became known, and the frames whose window has passed or that the budget has no room for; the readings
-        and samples that none needs any more are forgotten.
+    def _hand_out(self, changed: bool, *, posed: bool = False) -> Updates:
+        """What became known, and the frames whose window has passed or that the budget has no room for.
+
+        `posed`: there is new odometry.
         """
-        settled = self._settled_ns
-        closing = self._frames.passed(settled - self._rule.window_ns)
-        room = max(self._budget_bytes - self._picture_bytes, 0) // self._frames.row_bytes
-        early = max(self._frames.stop - closing - room, 0)
+        watermark_ns = self._clock.watermark_ns
+        if posed or watermark_ns != self._watermark_ns:
+            self._watermark_ns = watermark_ns
+            self._settle()
+        closing = self._due()
+        early = self._frames.stop - closing - (self._budget_bytes - self._picture_bytes) // self._frame_bytes
+        early = min(max(early, 0), self._frames.stop - closing)
         if early:
             self.drops["frame: closed before its window passed, for want of memory.store_mb"] += early
         closing += early
         updates = self.nothing
         if closing > self._frames.start or (changed and not self._only_closed):
             updates = self._collect(closing)
-        keep_from = settled - 2 * self._rule.window_ns
+        return updates
+
+    def _settle(self) -> None:
+        """Note how far poses are final, and forget the readings and samples that no frame can ask for any more."""
+        self._settled_ns = self._final_ns()
+        window_ns, frames = self._rule.window_ns, self._frames
+        oldest_ns = frames.columns.t_ns.item(frames.start) if len(frames) else self._settled_ns
+        keep_from = min(self._settled_ns - window_ns, oldest_ns) - window_ns
         self._readings.drop_before(self._readings.passed(keep_from))
         self._track.forget_before(keep_from)
-        return updates
+
+    def _due(self) -> int:
+        """The oldest frame whose window is open. Who asks for closed frames alone is given many at once."""
+        frames, limit_ns = self._frames, self._settled_ns - self._rule.window_ns
+        if self._only_closed:
+            last = frames.start + _CLOSED_AT_ONCE - 1
+            if last >= frames.stop or frames.columns.t_ns.item(last) >= limit_ns:
+                return frames.start
+        return frames.passed(limit_ns)
 
     def _collect(self, closing: int) -> Updates:
         """Updates of what changed, and of the rows before `closing`, which leave."""
