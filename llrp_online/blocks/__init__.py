@@ -1,8 +1,7 @@
 """The network's blocks on compiled kernels, as one step of PyTorch's automatic differentiation.
 
-They give what the layers in `llrp_online.network` give, up to rounding, in a fraction of the time; how is said in
-`llrp_online.convolution`. From the way forth to the way back a batch's pictures are kept in arrays that the next batch
-overwrites.
+They give what the layers in `llrp_online.network` give, up to rounding, in a fraction of the time: `kernels` says how.
+From the way forth to the way back a batch's pictures are kept in arrays that the next batch overwrites.
 """
 
 from collections.abc import Sequence
@@ -21,7 +20,7 @@ class Blocks:
     """A chain of blocks, and what it remembers of the newest batch.
 
     Args:
-        kernels: as `llrp_online.convolution.build` gave them.
+        kernels: as `llrp_online.blocks.kernels.build` gave them.
     """
 
     def __init__(self, kernels: Sequence[SimpleNamespace]) -> None:
@@ -43,7 +42,7 @@ class Blocks:
 
     def forward(self, pictures: _Floats, parameters: Sequence[_Floats]) -> _Floats:
         """The same in arrays that are channels last: (N, H, W, C), weights (out, rows, columns, in)."""
-        first = self._kernels[0].geometry
+        first = self._kernels[0].shape
         expected = (first.height, first.width, first.channels)
         if pictures.shape[1:] != expected:
             raise RuntimeError(f"pictures: expected (N, {', '.join(map(str, expected))}), got {pictures.shape}")
@@ -53,7 +52,7 @@ class Blocks:
         self._blocks[0].picture[:count] = pictures
         following = [block.framed for block in self._blocks[1:]] + [self._out]
         for index, (block, out) in enumerate(zip(self._blocks, following, strict=True)):
-            block.forward(*parameters[2 * index : 2 * index + 2], out[:count])
+            block.forward(parameters[2 * index], parameters[2 * index + 1], out[:count])
         return self._unframed(self._out[:count]).copy()
 
     def backward(self, gradient: _Floats) -> list[_Floats]:
@@ -70,13 +69,13 @@ class Blocks:
         if count > self._room:
             self._room = count
             self._blocks = [_Block(kernels, count) for kernels in self._kernels]
-            self._out, self._out_gradient = np.zeros((2, count, self._kernels[-1].geometry.size_after), np.float32)
+            self._out, self._out_gradient = np.zeros((2, count, self._kernels[-1].shape.size_after), np.float32)
 
     def _unframed(self, out: _Floats) -> _Floats:
         """(N, H', W', out): a view of what the last block wrote, which has no frame."""
-        last = self._kernels[-1].geometry
-        shape = (len(out), last.pooled_rows, last.pooled_columns, last.outputs)
-        return out[:, : shape[1] * last.row_after].reshape(shape)
+        last = self._kernels[-1].shape
+        sizes = (len(out), last.pooled_rows, last.pooled_columns, last.outputs)
+        return out[:, : sizes[1] * last.row_after].reshape(sizes)
 
 
 class _Block:
@@ -84,46 +83,46 @@ class _Block:
 
     def __init__(self, kernels: SimpleNamespace, count: int) -> None:
         self._kernels = kernels
-        geometry = self._geometry = kernels.geometry
-        filters, windows = geometry.kernel**2 * geometry.channels, geometry.pooled_rows * geometry.pooled_columns
-        self.framed, self.gradient = np.zeros((2, count, geometry.size), np.float32)
+        shape = self._shape = kernels.shape
+        filters, windows = shape.kernel**2 * shape.channels, shape.pooled_rows * shape.pooled_columns
+        self.framed, self.gradient = np.zeros((2, count, shape.size), np.float32)
         #: (N, H, W, C): the view of `framed` within the frame.
         self.picture = self._within_frame(self.framed)
-        self._where = np.zeros((count, windows * geometry.output_lanes), np.int8)
-        self._weight = np.zeros((filters, geometry.output_lanes), np.float32)
-        self._bias = np.zeros(geometry.output_lanes, np.float32)
-        self._turned = np.zeros((geometry.outputs, 2, geometry.kernel, geometry.seen_run), np.float32)
-        self._sums = np.zeros((geometry.outputs, geometry.kernel * geometry.run), np.float32)
-        self._bias_sums = np.zeros(geometry.outputs, np.float32)
-        self._starts = np.zeros(geometry.listed, np.int32)
-        self._factors = np.zeros(geometry.listed, np.float32)
+        self._where = np.zeros((count, windows * shape.output_run), np.int8)
+        self._weight = np.zeros((filters, shape.output_run), np.float32)
+        self._bias = np.zeros(shape.output_run, np.float32)
+        self._turned = np.zeros((shape.outputs, 2, shape.kernel, shape.seen_run), np.float32)
+        self._sums = np.zeros((shape.outputs, shape.kernel * shape.run), np.float32)
+        self._bias_sums = np.zeros(shape.outputs, np.float32)
+        self._starts = np.zeros(shape.listed, np.int32)
+        self._factors = np.zeros(shape.listed, np.float32)
 
     def forward(self, weight: _Floats, bias: _Floats, out: _Floats) -> None:
-        geometry, count = self._geometry, len(out)
-        self._weight[:, : geometry.outputs] = weight.reshape(geometry.outputs, -1).T
-        self._bias[: geometry.outputs] = bias
-        runs = weight.reshape(geometry.outputs, geometry.kernel, -1)
+        shape, count = self._shape, len(out)
+        self._weight[:, : shape.outputs] = weight.reshape(shape.outputs, -1).T
+        self._bias[: shape.outputs] = bias
+        runs = weight.reshape(shape.outputs, shape.kernel, -1)
         for right in (0, 1):
-            begin = right * geometry.stride * geometry.channels
+            begin = right * shape.stride * shape.channels
             self._turned[:, right, :, begin : begin + runs.shape[-1]] = runs
         self._kernels.forward(self.framed[:count], self._weight, self._bias, out, self._where[:count])
 
     def backward(self, out_gradient: _Floats) -> tuple[_Floats, _Floats]:
-        geometry, kernels, count = self._geometry, self._kernels, len(out_gradient)
+        shape, kernels, count = self._shape, self._kernels, len(out_gradient)
         where, listed = self._where[:count], (self._starts, self._factors)
         kernels.weight_gradient(out_gradient, where, self.framed[:count], *listed, self._sums, self._bias_sums)
         if kernels.input_gradient is not None:
             kernels.input_gradient(out_gradient, where, self._turned.ravel(), *listed, self.gradient[:count])
-        runs = self._sums.reshape(geometry.outputs, geometry.kernel, geometry.run)
-        runs = runs[:, :, : geometry.kernel * geometry.channels]
-        weight = runs.reshape(geometry.outputs, geometry.kernel, geometry.kernel, geometry.channels)
+        runs = self._sums.reshape(shape.outputs, shape.kernel, shape.run)
+        runs = runs[:, :, : shape.kernel * shape.channels]
+        weight = runs.reshape(shape.outputs, shape.kernel, shape.kernel, shape.channels)
         return weight.copy(), self._bias_sums.copy()
 
     def _within_frame(self, framed: _Floats) -> _Floats:
-        geometry, frame = self._geometry, self._geometry.frame
-        rows, columns = geometry.height + 2 * frame, geometry.width + 2 * frame
-        whole = framed[:, : rows * geometry.row].reshape(len(framed), rows, columns, geometry.channels)
-        return whole[:, frame : frame + geometry.height, frame : frame + geometry.width]
+        shape, frame = self._shape, self._shape.frame
+        rows, columns = shape.height + 2 * frame, shape.width + 2 * frame
+        whole = framed[:, : rows * shape.row].reshape(len(framed), rows, columns, shape.channels)
+        return whole[:, frame : frame + shape.height, frame : frame + shape.width]
 
 
 class _Step(torch.autograd.Function):
