@@ -52,9 +52,7 @@ def assert_close(ours, reference):
     torch.testing.assert_close(ours, reference, rtol=1e-5, atol=1e-5 * max(reference.detach().abs().max().item(), 1e-3))
 
 
-chains = st.lists(
-    st.tuples(st.integers(1, 21), st.sampled_from([1, 3, 5]), st.integers(1, 2)), min_size=1, max_size=2
-)
+chains = st.lists(st.tuples(st.integers(1, 21), st.sampled_from([1, 3, 5]), st.integers(1, 2)), min_size=1, max_size=2)
 
 
 @settings(max_examples=6)  # each compiles kernels of its own
