@@ -2,6 +2,9 @@
 
 What the presets are made of is said in `llrp_online.architecture`; the paper's is Nava et al. 2019, section IV-E. The
 network returns logits; a probability is their sigmoid, which the paper has as its last layer.
+
+The layers written down in `Network` are the reference for its blocks, and run where there is no compiled code;
+otherwise `llrp_online.blocks` takes their place.
 """
 
 import math
@@ -15,9 +18,13 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from llrp_online.architecture import DEVIATION_FLOOR, Architecture, Outputs, PictureShape, Preset, architecture
+from llrp_online.blocks import Blocks
+from replay.compiling import Compiled
 
 
-def build(preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: int = 0) -> "Network":
+def build(
+    preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: int = 0, *, compiled: bool = True
+) -> "Network":
     """A new network, its weights drawn from `seed` alone; nobody else's random numbers are touched.
 
     Args:
@@ -25,8 +32,9 @@ def build(preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: i
         picture_shape: (height, width, channels), three channels for each camera.
         outputs: (targets, sensors).
         seed: of the weights and of the dropout.
+        compiled: run the blocks on compiled kernels where there are any; else as the layers written down.
     """
-    return Network(architecture(preset, picture_shape[2]), picture_shape, outputs, seed)
+    return Network(architecture(preset, picture_shape[2]), picture_shape, outputs, seed, compiled)
 
 
 def standardise(pictures: NDArray[np.uint8] | NDArray[np.float32]) -> Tensor:
@@ -60,9 +68,14 @@ class Network(nn.Module):
     (2, 31, 5)
     """
 
-    def __init__(self, plan: Architecture, picture_shape: PictureShape, outputs: Outputs, seed: int) -> None:
+    def __init__(
+        self, plan: Architecture, picture_shape: PictureShape, outputs: Outputs, seed: int, compiled: bool
+    ) -> None:
         super().__init__()
         self._outputs_shape = outputs
+        blocks = [(block.channels, block.kernel, block.stride) for block in plan.blocks]
+        self._compiled = Compiled("llrp_online.blocks.kernels", blocks, picture_shape) if compiled else None
+        self._blocks: Blocks | None = None
         generator = torch.Generator().manual_seed(seed)
         # Layers draw their first weights from the global generator, which belongs to others: skipped, and drawn below.
         with torch.device("meta"):
@@ -86,12 +99,22 @@ class Network(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """(N, C, H, W) standardised float32, channels_last -> (N, targets, sensors) logits."""
+        kernels = None if self._compiled is None else self._compiled.get()
+        if kernels is None:
+            x = self.reference(pictures)
+        else:
+            self._blocks = self._blocks or Blocks(kernels)
+            x = self._blocks(pictures, list(self.convolutions.parameters()))
+        x = functional.relu(self.dense(self.dropout(x.flatten(1))))
+        return self.outputs(x).unflatten(1, self._outputs_shape)
+
+    def reference(self, pictures: Tensor) -> Tensor:
+        """What the blocks make of (N, C, H, W): (N, C', H', W')."""
         x = pictures
         for convolution in self.convolutions:
             # Pooling before the ReLU is the same function with a quarter of the work; ceil_mode pads at the far edge.
             x = functional.relu(functional.max_pool2d(convolution(x), 2, ceil_mode=True))
-        x = functional.relu(self.dense(self.dropout(x.flatten(1))))
-        return self.outputs(x).unflatten(1, self._outputs_shape)
+        return x
 
     def set_weights(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Copy in what `weights` gave; RuntimeError names what is missing, unknown or of another shape."""
