@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from replay.compiled_labels import Solvers
 from replay.poses import Floats
 from replay.rule import LabelRule, OdometryLimits
-from replay.solver import Store
+from replay.solver import Solver, Store
 from replay.targets import Targets
 from replay.track import EARLIEST_NS, LATEST_NS, Settled
 from replay.uncertainty import StepNoise
+
+#: Frames resolved together: few enough for their columns to stay in the processor's cache, however long the drive.
+_AT_ONCE = 256
 
 
 class Drive(NamedTuple):
@@ -75,9 +78,25 @@ def resolve(
         store.track.add(t_ns, pose, covariance)
     rows = store.readings.extend(drive.readings_ns)
     store.readings.columns.stream[rows], store.readings.columns.bits[rows] = drive.stream, drive.bits
-    rows = store.frames.extend(drive.frames_ns)
-    store.frames.columns.frame_id[rows] = np.arange(len(drive.frames_ns))
     solver = Solvers(store).now
     solver.take_odometry(Settled(EARLIEST_NS, LATEST_NS, late=True, rejoined=True))
-    found = solver.collect(store.frames.stop, only_closed=True)
+    return _joined([_some(store, solver, drive.frames_ns[at : at + _AT_ONCE]) for at in _starts(len(drive.frames_ns))])
+
+
+def _starts(frames: int) -> range:
+    """Where each lot of frames begins; one lot at least."""
+    return range(0, max(frames, 1), _AT_ONCE)
+
+
+def _some(store: Store, solver: Solver, frames_ns: NDArray[np.int64]) -> Labels:
+    """The labels of frames that only now come into the store, and leave it."""
+    rows = store.frames.extend(frames_ns)
+    store.frames.columns.frame_id[rows] = np.arange(len(frames_ns))
+    solver.take_frames(rows.start, rows.stop)
+    found = solver.collect(rows.stop, only_closed=True)
+    store.frames.clear()
     return Labels(found.labels, found.weight, found.posed)
+
+
+def _joined(parts: list[Labels]) -> Labels:
+    return Labels(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
