@@ -1,5 +1,7 @@
 """A training step of the paper's network, beside PyTorch's and beside one matrix product of as many operations."""
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import torch
@@ -9,10 +11,11 @@ from bench import eager
 from llrp_online import losses
 from llrp_online.augment import Augmenter
 from llrp_online.configuration import load
-from llrp_online.configuration.learning import Compute, Network
+from llrp_online.configuration.learning import Network
 from llrp_online.network import build, standardise
 from llrp_online.trainer import Trainer
 from replay.buffer import BufferSettings, ReplayBuffer
+from replay.compiling import plainly
 
 BATCH, FRAMES, SHORT_FRAMES = 64, 5000, 500
 ROBOT = load("configs/thymio.toml")
@@ -63,9 +66,14 @@ def peers_of(short):
         augmented = augment(pictures, labels, weight, random)
         return standardise(augmented.pictures), augmented.labels, augmented.weight
 
-    def ours(compiled):
-        trainer = Trainer(PAPER.model_copy(update={"compute": Compute(compiled=compiled)}))
-        return lambda: trainer.step(buffer.sample(BATCH), buffer.class_counts)
+    def ours(form):
+        trainer = Trainer(PAPER)
+
+        def work():
+            with form():
+                trainer.step(buffer.sample(BATCH), buffer.class_counts)
+
+        return work
 
     def peer(prepare, memory_format, **options):
         step = eager.Step(ROBOT.picture_shape, OUTPUTS, memory_format, **options)
@@ -77,10 +85,10 @@ def peers_of(short):
 
         return work
 
-    return ours(True), {
+    return ours(nullcontext), {
         "PyTorch eager, numpy a sample": peer(one_by_one, torch.contiguous_format),
         "PyTorch channels_last, inputs as ours": peer(as_ours, torch.channels_last, fused=True),
-        "the plain reference": ours(False),
+        "the plain reference": ours(plainly),
     }
 
 
@@ -104,9 +112,10 @@ def test_training_step(race, peers_of):
 def test_gradients_are_autograds():
     pictures, labels, weight = frames(BATCH)
     x, found = standardise(pictures), []
-    for compiled in (True, False):
-        network = build("paper", ROBOT.picture_shape, OUTPUTS, compiled=compiled)
-        loss = losses.cross_entropy(network(x), torch.from_numpy(labels), torch.from_numpy(weight))
-        found.append(torch.autograd.grad(loss, list(network.parameters())))
+    for form in (nullcontext, plainly):
+        network = build("paper", ROBOT.picture_shape, OUTPUTS)
+        with form():
+            loss = losses.cross_entropy(network(x), torch.from_numpy(labels), torch.from_numpy(weight))
+            found.append(torch.autograd.grad(loss, list(network.parameters())))
     for ours, reference in zip(*found, strict=True):
         assert float((ours - reference).abs().max()) < 1e-5 * float(reference.abs().max())

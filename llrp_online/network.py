@@ -22,9 +22,7 @@ from llrp_online.blocks import Blocks
 from replay.compiling import Compiled
 
 
-def build(
-    preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: int = 0, *, compiled: bool = True
-) -> "Network":
+def build(preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: int = 0) -> "Network":
     """A new network, its weights drawn from `seed` alone; nobody else's random numbers are touched.
 
     Args:
@@ -32,9 +30,8 @@ def build(
         picture_shape: (height, width, channels), three channels for each camera.
         outputs: (targets, sensors).
         seed: of the weights and of the dropout.
-        compiled: run the blocks on compiled kernels where there are any; else as the layers written down.
     """
-    return Network(architecture(preset, picture_shape[2]), picture_shape, outputs, seed, compiled)
+    return Network(architecture(preset, picture_shape[2]), picture_shape, outputs, seed)
 
 
 def standardise(pictures: NDArray[np.uint8] | NDArray[np.float32]) -> Tensor:
@@ -68,13 +65,11 @@ class Network(nn.Module):
     (2, 31, 5)
     """
 
-    def __init__(
-        self, plan: Architecture, picture_shape: PictureShape, outputs: Outputs, seed: int, compiled: bool
-    ) -> None:
+    def __init__(self, plan: Architecture, picture_shape: PictureShape, outputs: Outputs, seed: int) -> None:
         super().__init__()
         self._outputs_shape = outputs
         blocks = [(block.channels, block.kernel, block.stride) for block in plan.blocks]
-        self._compiled = Compiled("llrp_online.blocks.kernels", blocks, picture_shape) if compiled else None
+        self._compiled = Compiled("llrp_online.blocks.kernels", blocks, picture_shape)
         self._blocks: Blocks | None = None
         generator = torch.Generator().manual_seed(seed)
         # Layers draw their first weights from the global generator, which belongs to others: skipped, and drawn below.
@@ -99,7 +94,7 @@ class Network(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """(N, C, H, W) standardised float32, channels_last -> (N, targets, sensors) logits."""
-        kernels = None if self._compiled is None else self._compiled.get()
+        kernels = self._compiled.get()
         if kernels is None:
             x = self.reference(pictures)
         else:

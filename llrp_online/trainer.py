@@ -14,7 +14,7 @@ from llrp_online import losses
 from llrp_online.augment import Augmenter
 from llrp_online.checkpoint import numpy_generator, numpy_state, set_torch_state, torch_state
 from llrp_online.configuration import RobotConfiguration
-from llrp_online.network import Network, build, standardise
+from llrp_online.network import build, standardise
 from replay.buffer import Batch
 
 Weights = dict[str, NDArray[np.float32]]
@@ -24,8 +24,7 @@ class Trainer:
     """The network that learns, its optimiser, and the running average of its weights.
 
     Args:
-        configuration: the robot's; `[network]`, `[training]`, `[augmentation]`, `[compute]` and the rig's mirror image
-            are used.
+        configuration: the robot's; `[network]`, `[training]`, `[augmentation]` and the rig's mirror image are used.
     """
 
     def __init__(self, configuration: RobotConfiguration) -> None:
@@ -33,17 +32,8 @@ class Trainer:
         settings, targets = configuration.training, configuration.targets.build()
         outputs = (len(targets), len(configuration.sensors))
         self._settings = settings
-
-        def network() -> Network:
-            return build(
-                configuration.network.preset,
-                configuration.picture_shape,
-                outputs,
-                settings.seed,
-                compiled=configuration.compute.compiled,
-            )
-
-        self.network, self._judge = network(), network().eval()
+        self.network = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed)
+        self._judge = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed).eval()
         self._optimiser = torch.optim.Adam(self.network.parameters(), lr=settings.learning_rate, fused=True)
         self._augment = Augmenter(
             configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()

@@ -150,7 +150,7 @@ class Compiled:
     def _build(self) -> None:
         try:
             try:
-                self._kernels = _built(self._module, self._arguments)
+                self._kernels = self._tried_twice()
             except ImportError:
                 raise
             # What a damaged cache makes of loading can be any error: clear it, and compile anew.
@@ -160,6 +160,12 @@ class Compiled:
         # A compiler can fail in any way, on a processor or a version that nobody tried; a robot goes on without it.
         except Exception as error:
             self._give_up(f"{type(error).__name__}: {error}")
+
+    def _tried_twice(self) -> Any:
+        """Another process may clear the cache just while this one writes there: that is no damage."""
+        with suppress(OSError):
+            return _built(self._module, self._arguments)
+        return _built(self._module, self._arguments)
 
     def _give_up(self, reason: str) -> None:
         _LOG.warning("%s: going on without compiled code, several times slower: %s", self._module, reason)

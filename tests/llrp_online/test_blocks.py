@@ -2,6 +2,7 @@
 
 import copy
 import sys
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from torch.nn import functional
 
 from llrp_online.blocks import Blocks
 from llrp_online.network import build, standardise
+from replay.compiling import plainly
 
 kernels = pytest.importorskip("llrp_online.blocks.kernels")
 
@@ -77,11 +79,12 @@ def test_blocks_of_any_shape_give_what_the_layers_give(blocks, shape, count, see
 def test_a_network_gives_the_same_gradients_either_way(preset, shape):
     pictures = np.random.default_rng(0).integers(0, 256, (16, *shape), dtype=np.uint8)
     losses, found = [], []
-    for compiled in (True, False):
-        network = build(preset, shape, (31, 5), seed=1, compiled=compiled)
-        loss = network(standardise(pictures)).square().mean()
+    for form in (nullcontext, plainly):
+        network = build(preset, shape, (31, 5), seed=1)
+        with form():
+            loss = network(standardise(pictures)).square().mean()
+            found.append(torch.autograd.grad(loss, list(network.parameters())))
         losses.append(loss.detach())
-        found.append(torch.autograd.grad(loss, list(network.parameters())))
     torch.testing.assert_close(*losses)
     for ours, reference in zip(*found, strict=True):
         assert_close(ours, reference)
@@ -143,7 +146,8 @@ def test_a_network_that_has_run_can_be_copied():
 def test_without_numba_the_layers_run(monkeypatch, caplog):
     monkeypatch.setitem(sys.modules, "numba", None)
     shape = (14, 18, 3)  # that no other test compiles for
-    ours, plainly = (build("paper", shape, (3, 2), compiled=compiled) for compiled in (True, False))
-    x = torch.ones(2, 3, *shape[:2])
-    assert torch.equal(ours(x), plainly(x))
+    network, x = build("paper", shape, (3, 2)).eval(), torch.ones(2, 3, *shape[:2])
+    found = network(x)
+    with plainly():
+        assert torch.equal(found, network(x))
     assert "going on without compiled code" in caplog.text

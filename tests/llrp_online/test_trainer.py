@@ -1,13 +1,14 @@
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 import torch
 
 from llrp_online import checkpoint
-from llrp_online.network import Network
 from llrp_online.trainer import Trainer
 from replay.buffer import Batch
+from replay.compiling import plainly
 from tests.llrp_online.worlds import SIDE, configuration, picture
 
 EVEN = np.ones((3, 2, 2), np.int64)
@@ -98,30 +99,22 @@ def test_restored_it_goes_on_bit_for_bit(tmp_path, before):
         assert same(twin.network.weights(), trainer.network.weights())
 
 
-@pytest.mark.parametrize(("first", "then"), [(True, False), (False, True)])
-def test_what_was_trained_compiled_goes_on_plain_and_the_other_way_round(tmp_path, first, then):
-    def trainer(compiled):
-        return Trainer(configuration(compute={"compiled": compiled}))
-
-    one, twin = trainer(first), trainer(then)
-    for step in range(3):
-        one.step(batch(step), EVEN)
-    arrays, values = one.state()
-    checkpoint.save(tmp_path / "c", {"weights": one.weights(), "training": arrays}, {"training": values})
-    tensors, manifest = checkpoint.load(tmp_path / "c")
-    twin.restore(tensors["training"], manifest["training"])
-    assert same(twin.weights(), one.weights())
-    assert twin.judge(twin.weights(), batch(9)) == pytest.approx(one.judge(one.weights(), batch(9)), rel=1e-5)
-    assert twin.step(batch(9), EVEN) == pytest.approx(one.step(batch(9), EVEN), rel=1e-5)
-
-
-@pytest.mark.parametrize("compiled", [True, False])
-def test_the_configuration_decides_what_runs(monkeypatch, compiled):
-    ran = []
-    layers = Network.reference
-    monkeypatch.setattr(Network, "reference", lambda self, pictures: ran.append(True) or layers(self, pictures))
-    Trainer(configuration(compute={"compiled": compiled})).step(batch(), EVEN)
-    assert bool(ran) != compiled
+@pytest.mark.parametrize("first", ["compiled", "plain"])
+def test_what_was_trained_compiled_goes_on_plain_and_the_other_way_round(tmp_path, first):
+    forms = {"compiled": nullcontext, "plain": plainly}
+    now, then = forms.pop(first), next(iter(forms.values()))
+    one, twin = Trainer(configuration()), Trainer(configuration())
+    with now():
+        for step in range(3):
+            one.step(batch(step), EVEN)
+        arrays, values = one.state()
+        checkpoint.save(tmp_path / "c", {"weights": one.weights(), "training": arrays}, {"training": values})
+        expected = one.judge(one.weights(), batch(9)), one.step(batch(9), EVEN)
+    with then():
+        tensors, manifest = checkpoint.load(tmp_path / "c")
+        twin.restore(tensors["training"], manifest["training"])
+        assert same(twin.weights(), tensors["weights"])
+        assert (twin.judge(twin.weights(), batch(9)), twin.step(batch(9), EVEN)) == pytest.approx(expected, rel=1e-5)
 
 
 def test_unknown_labels_teach_nothing():
