@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.buffer import Batch
+from replay.batch import Batch
 
 
 @dataclass(frozen=True, eq=False)

@@ -224,7 +224,7 @@ class Learner:
             "publisher": self.publisher.state(),
             "next_id": self.labeller.next_id,
         }
-        checkpoint.save(path, tensors, manifest)
+        checkpoint.save(path, tensors, manifest, {"frames": self.buffer.shards()})
 
     def load(self, path: str | Path) -> None:
         """Go on exactly from a checkpoint that `save` wrote; CheckpointError if it is another robot's."""
@@ -237,7 +237,7 @@ class Learner:
             )
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
-        self._restore_memory(tensors, manifest)
+        self._restore_memory(path, tensors["memory"], manifest)
         self.labeller.restore(tensors["pending"])
         self.held_out.restore(tensors.get("held_out", {}))
         self.pace.restore(manifest["pace"])
@@ -251,7 +251,7 @@ class Learner:
         self.trainer.become(tensors["weights"])
         if memory and "memory" in tensors:
             tensors["memory"]["uses"][:] = 0  # training offline would have used up all frames many times over
-            self._restore_memory(tensors, manifest)
+            self._restore_memory(path, tensors["memory"], manifest)
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
     def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
@@ -264,8 +264,10 @@ class Learner:
                 "give the configuration it was trained with: the same cameras, targets, sensors and network preset"
             )
 
-    def _restore_memory(self, tensors: dict[str, dict[str, NDArray[Any]]], manifest: dict[str, Any]) -> None:
-        self.buffer.restore(tensors["memory"], manifest["memory_random"])
+    def _restore_memory(self, path: str | Path, memory: dict[str, NDArray[Any]], manifest: dict[str, Any]) -> None:
+        # Older checkpoints have the frames beside the rest, in one piece.
+        frames = [memory] if "pictures" in memory else checkpoint.load_parts(path, "frames")
+        self.buffer.restore(memory, frames, manifest["memory_random"])
         self.labeller.next_id = int(manifest["next_id"])
 
     def _begin_with(self, weights: Weights, number: int) -> None:

@@ -24,21 +24,22 @@ def build() -> SimpleNamespace:
     @jit("uint8[::1](uint8[:, :, ::1])")
     def thumbnail(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
         height, width, channels = picture.shape
+        lines = picture.reshape(height, width * channels)
         small = np.empty(_SIDE * _SIDE, np.uint8)
-        sums = np.empty(width * channels, np.int64)
+        sums = np.empty(width * channels, np.uint32)
         for part in range(_SIDE):
-            top, bottom = part * height // _SIDE, max((part + 1) * height // _SIDE, part * height // _SIDE + 1)
+            top = part * height // _SIDE
+            bottom = max((part + 1) * height // _SIDE, top + 1)
             sums[:] = 0
             for y in range(top, bottom):
-                row = picture[y].reshape(width * channels)
-                for k in range(width * channels):
-                    sums[k] += row[k]
+                for k in range(len(sums)):
+                    sums[k] += np.uint32(lines[y, k])
             for column in range(_SIDE):
                 left = column * width // _SIDE
                 right = max((column + 1) * width // _SIDE, left + 1)
                 total = 0
                 for k in range(left * channels, right * channels):
-                    total += sums[k]
+                    total += np.int64(sums[k])
                 small[part * _SIDE + column] = total // ((bottom - top) * (right - left) * channels)
         return small
 
@@ -74,22 +75,24 @@ def build() -> SimpleNamespace:
         rarity = np.empty_like(counts)
         for kind in range(2):
             for k in range(counts.shape[1]):
-                rarity[kind, k] = _UNIQUE // max(counts[kind, k], 1)
+                # Rounded down, the quotient of two floats is exact here, and found several at a time.
+                rarity[kind, k] = np.int64(_UNIQUE / max(counts[kind, k], 1))
         worth = np.empty(len(slots), np.int64)
         positive = np.empty(len(slots), np.bool_)
         for n in range(len(slots)):
             row = labels[slots[n]]
-            total, ones = 0, 0
+            total, ones = np.int64(0), np.int64(0)
             for k in range(len(row)):
-                total += rarity[0, k] if row[k] == 0 else (rarity[1, k] if row[k] == 1 else 0)
-                ones += row[k] == 1
+                negative, one = np.int64(row[k] == 0), np.int64(row[k] == 1)
+                total += negative * rarity[0, k] + one * rarity[1, k]
+                ones += one
             worth[n], positive[n] = total, ones > 0
         safe = positive[:-1].sum() < positives_floor * (len(slots) - 1)
         least, chosen = _MOST, -1
         for n in range(len(slots)):
             if worth[n] < least and not (safe and positive[n]):
                 least, chosen = worth[n], n
-        return chosen if chosen >= 0 else np.argmin(worth)
+        return chosen if chosen >= 0 else int(np.argmin(worth))
 
     @jit("void(int8[::1], int64, int64[:, ::1])")
     def tally(labels: NDArray[np.int8], sign: int, counts: NDArray[np.int64]) -> None:

@@ -103,6 +103,9 @@ class Newest:
 
     def restore(self, state: Mapping[str, NDArray[Any]], slots: Mapping[int, int]) -> None:
         """Hold what `state` gave; `slots` has the slot of each frame id."""
+        self._came = 0
+        if "newest" not in state:  # older checkpoints lack it: what repeats those frames may stay
+            self._ids[:] = _GONE
+            return
         self._ids[:], self._thumbnails[:] = state["newest"], state["thumbnails"]
         self._slots[:] = [slots.get(frame_id, 0) for frame_id in self._ids.tolist()]
-        self._came = 0

@@ -67,8 +67,8 @@ class FrameStore:
 
     def batch(self, slots: NDArray[np.int64]) -> Batch:
         """The frames in slots (N,); it is good until one of them changes."""
-        labels, weight = (array.reshape(-1, *self._label_shape) for array in (self.labels, self.weight))
-        return Batch(self.pictures, labels, weight, slots)
+        shape = (-1, *self._label_shape)
+        return Batch(self.pictures, self.labels.reshape(shape), self.weight.reshape(shape), slots)
 
     def shards(self, slots: NDArray[np.int64]) -> Iterator[dict[str, NDArray[Any]]]:
         """The frames in these slots, in order, some thousands at a time: pictures, labels, weight."""

@@ -5,14 +5,14 @@ memory as in a small one.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.buffer_kernels import KERNELS
 from replay.class_counts import Counts
+from replay.slots import places
 
 #: The balanced policy looks for who leaves among so many frames, drawn at random.
 _CANDIDATES = 64
@@ -20,8 +20,7 @@ _CANDIDATES = 64
 _UNIQUE = 1 << 40
 
 
-@dataclass(frozen=True, eq=False)
-class MemoryView:
+class MemoryView(NamedTuple):
     """What a policy may look at.
 
     Attributes:
@@ -62,11 +61,12 @@ class Balanced:
 
     def __call__(self, view: MemoryView, random: np.random.Generator) -> int | None:
         """The place of the frame that is worth least, of 64 drawn at random and the newcomer."""
-        places = random.integers(0, len(view.memory), _CANDIDATES)
-        slots = np.append(view.memory[places], view.candidate)
+        drawn = places(random, len(view.memory), _CANDIDATES)
+        slots = np.empty(_CANDIDATES + 1, np.int64)
+        slots[:-1], slots[-1] = view.memory[drawn], view.candidate
         kernels = KERNELS.get()
         leaves = (poorest if kernels is None else kernels.poorest)(slots, view.labels, view.counts, self._floor)
-        return int(places[leaves]) if leaves < _CANDIDATES else None
+        return int(drawn[leaves]) if leaves < _CANDIDATES else None
 
 
 def poorest(slots: NDArray[np.int64], labels: NDArray[np.int8], counts: Counts, positives_floor: float) -> int:

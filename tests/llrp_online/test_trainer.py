@@ -6,7 +6,7 @@ import torch
 
 from llrp_online import checkpoint
 from llrp_online.trainer import Trainer
-from replay.buffer import Batch
+from replay.batch import Batch
 from tests.llrp_online.worlds import SIDE, configuration, picture
 
 EVEN = np.ones((3, 2, 2), np.int64)
