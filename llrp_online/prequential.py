@@ -50,7 +50,7 @@ class Prequential:
     >>> evaluation = Prequential(np.array([[0.1, 0, 0]]), ["ahead"], capacity=100)
     >>> for frame, (probability, bit) in enumerate([(0.9, 1), (0.3, 0), (0.4, 0)]):
     ...     evaluation.predicted(frame, np.array([[probability]], np.float32))
-    ...     loss = evaluation.resolved(frame, np.array([[bit]], np.int8), closed=True)
+    ...     _ = evaluation.resolved(np.array([frame]), np.array([[[bit]]], np.int8), closed=np.array([True]))
     >>> evaluation.score().pooled_auc, evaluation.bands()[0].n_neg
     (1.0, 2)
     """
@@ -88,27 +88,12 @@ class Prequential:
         self._slots[frame_id] = slot
         self._next = (slot + 1) % len(self._frame_ids)
 
-    def resolved(self, frame_id: int, labels: NDArray[np.int8], *, closed: bool) -> Floats | None:
-        """Score a frame by its labels as now known, (T, S).
-
-        A frame without a kept prediction (none was made, or it left the window) is passed over.
-
-        Returns:
-            Once the frame is closed, its mean log-loss by band, (bands,) float64 in nats, NaN where none is known: one
-            value for each frame, for drift detection. Else None.
-        """
-        slot = self._slots.get(frame_id)
-        if slot is None:
-            return None
-        if labels.shape != self._labels.shape[1:]:
-            raise ValueError(f"labels: expected shape {self._labels.shape[1:]}, got {labels.shape}")
-        self._labels[slot] = labels
-        return self._band_losses(slot) if closed else None
-
-    def resolved_many(
+    def resolved(
         self, frame_ids: NDArray[np.int64], labels: NDArray[np.int8], closed: NDArray[np.bool_]
     ) -> dict[int, Floats]:
-        """Score M different frames at once, as `resolved` would one by one.
+        """Score M different frames by their labels as now known.
+
+        A frame without a kept prediction (none was made, or it left the window) is passed over.
 
         Args:
             frame_ids: (M,).

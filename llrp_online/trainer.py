@@ -15,7 +15,8 @@ from llrp_online.augment import Augmenter
 from llrp_online.checkpoint import numpy_generator, numpy_state, set_torch_state, torch_state
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.network import build, standardise
-from replay.buffer import Batch
+from llrp_online.preparation import Preparation
+from replay.batch import Batch
 
 Weights = dict[str, NDArray[np.float32]]
 
@@ -35,8 +36,10 @@ class Trainer:
         self.network = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed)
         self._judge = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed).eval()
         self._optimiser = torch.optim.Adam(self.network.parameters(), lr=settings.learning_rate, fused=True)
-        self._augment = Augmenter(
-            configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()
+        self._prepare = Preparation(
+            Augmenter(
+                configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()
+            )
         )
         self._random = np.random.default_rng(settings.seed)
         self._average = [parameter.detach().clone() for parameter in self.network.parameters()]
@@ -48,10 +51,10 @@ class Trainer:
         Returns:
             The loss.
         """
-        augmented = self._augment(batch.pictures, batch.labels, batch.weight, self._random)
-        labels, weight = torch.from_numpy(augmented.labels), torch.from_numpy(augmented.weight)
+        prepared = self._prepare(batch, self._random)
+        labels, weight = torch.from_numpy(prepared.labels), torch.from_numpy(prepared.weight)
         self.network.train()
-        logits = self.network(standardise(augmented.pictures))
+        logits = self.network(torch.from_numpy(prepared.pictures).permute(0, 3, 1, 2))
         if self._settings.loss == "paper":
             loss = losses.paper(logits, labels, weight)
         else:

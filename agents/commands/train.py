@@ -98,4 +98,4 @@ def save(path: Path, configuration: RobotConfiguration, trainer: Trainer, buffer
         "memory_random": buffer.random_state(),
         "next_id": int(memory["ids"].max(initial=-1)) + 1,
     }
-    checkpoint.save(path, tensors, manifest)
+    checkpoint.save(path, tensors, manifest, {"frames": buffer.shards()})

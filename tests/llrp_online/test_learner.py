@@ -80,8 +80,8 @@ def test_labels_in_memory_are_the_truth(grown):
             now = bits(event.pose[0])
         elif hasattr(event, "pixels"):
             truth[event.pixels.tobytes()] = now
-    state = grown.buffer.state()
-    for shown, labels in zip(state["pictures"], state["labels"], strict=True):
+    shards = list(grown.buffer.shards())
+    for shown, labels in (frame for shard in shards for frame in zip(shard["pictures"], shard["labels"], strict=True)):
         np.testing.assert_array_equal(labels[0], truth[shown.tobytes()])
 
 
@@ -192,7 +192,7 @@ def trained_offline(path, memory, frames):
         buffer.sample(4096)
     tensors = {"weights": trainer.weights(), "memory": buffer.state()}
     manifest = {"configuration": config.model_dump(mode="json"), "version": 1, "memory_random": buffer.random_state()}
-    checkpoint.save(path, tensors, {**manifest, "next_id": buffer.capacity})
+    checkpoint.save(path, tensors, {**manifest, "next_id": buffer.capacity}, {"frames": buffer.shards()})
     return buffer
 
 

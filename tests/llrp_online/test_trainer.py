@@ -7,7 +7,7 @@ import torch
 
 from llrp_online import checkpoint
 from llrp_online.trainer import Trainer
-from replay.buffer import Batch
+from replay.batch import Batch
 from replay.compiling import plainly
 from tests.llrp_online.worlds import SIDE, configuration, picture
 
