@@ -30,6 +30,7 @@ logger = logging.getLogger(__name__)
 _STRETCH = 1.5
 _MOST_TOPICS = 1000  # remembered for the error that names them; a stranger on the bus must not fill the memory
 _ODOMETRY = "nav_msgs/msg/Odometry"
+_SCAN = "sensor_msgs/msg/LaserScan"
 _COMPRESSED, _IMAGE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 
 
@@ -92,7 +93,7 @@ class Intake:
             self._readings[name] = (
                 topic,
                 [
-                    _Sensor(index, sensor.field, sensor.below, sensor.above)
+                    _Sensor(index, sensor.field, _beam(sensor.field), sensor.below, sensor.above)
                     for index, sensor in enumerate(configuration.short_range)
                     if self._relative(sensor.topic) == name
                 ],
@@ -141,10 +142,18 @@ class Intake:
             return None
 
     def _reading(self, topic: str, type_name: str, data: bytes, received_ns: int) -> Reading | None:
+        configured, sensors = self._readings[topic]
+        if type_name == _SCAN and (scan := messages.flat_scan(data)) is not None:
+            quick = [-1] * self._sensors
+            for sensor in sensors:
+                if not 0 <= sensor.beam < len(scan.ranges):
+                    break
+                quick[sensor.index] = sensor.bit(scan.ranges[sensor.beam])
+            else:
+                return Reading(scan.t_ns, configured, np.array(quick, np.int8))
         message = self._decode(topic, type_name, data)
         if message is None:
             return None
-        configured, sensors = self._readings[topic]
         bits = np.full(self._sensors, -1, np.int8)
         found = False
         for sensor in sensors:
@@ -205,6 +214,7 @@ class Intake:
 class _Sensor:
     index: int
     field: str
+    beam: int  # of a scan; -1: the field says something else
     below: float | None
     above: float | None
 
@@ -231,13 +241,7 @@ def read_field(message: object, field: str) -> float:
     2.0
     """
     value: Any = message
-    parts = _parts(field)
-    # What nearly every sensor is: an element of a list of floats.
-    if len(parts) == 2 and type(parts[1]) is int:
-        array = getattr(message, str(parts[0]), None)
-        if type(array) is np.ndarray and array.dtype.kind == "f" and parts[1] < array.size:
-            return array.item(parts[1])
-    for part in parts:
+    for part in _parts(field):
         try:
             value = value[part] if isinstance(part, int) else getattr(value, part)
         except AttributeError:
@@ -250,6 +254,12 @@ def read_field(message: object, field: str) -> float:
     if not isinstance(value, (float, int, np.number)):
         raise MessageError(f"expected a number, got {type(value).__name__}")
     return float(value)
+
+
+def _beam(field: str) -> int:
+    """The number of the beam that a field such as `ranges[3]` names; -1 if it names something else."""
+    parts = _parts(field)
+    return int(parts[1]) if len(parts) == 2 and parts[0] == "ranges" and isinstance(parts[1], int) else -1
 
 
 @cache

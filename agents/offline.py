@@ -2,8 +2,9 @@
 
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from replay.recording import Message, read
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
+#: Messages decoded together, then labelled together: each kind of work finds the processor's cache as it left it.
+_AT_ONCE = 96
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,16 +59,38 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
 
 def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[LabelledFrame]:
     """The frames of one recording that have a pose, in order of time, each when its window has closed."""
-    intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
     pictures: dict[int, NDArray[np.uint8]] = {}
-    for message, _ in messages_of(path, intake):
-        for event in intake.events(message.topic, message.type, message.data, message.log_ns):
+    for updates in labels_of(configuration, path, pictures.__setitem__):
+        for update in updates:
+            picture = pictures.pop(update.frame_id)
+            if update.posed:
+                yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)
+
+
+def labels_of(
+    configuration: RobotConfiguration,
+    path: Path,
+    on_frame: Callable[[int, NDArray[np.uint8]], None] = lambda _id, _picture: None,
+) -> Iterator[Updates]:
+    """The labels of one recording's frames, in order of time, many at once, each when its window has closed.
+
+    `on_frame` is called with the id and the picture of each frame that comes in; nobody else keeps it.
+    """
+    intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
+    reading = messages_of(path, intake)
+    while messages := list(islice(reading, _AT_ONCE)):
+        events = [
+            event
+            for message, _ in messages
+            for event in intake.events(message.topic, message.type, message.data, message.log_ns)
+        ]
+        for event in events:
             outcome = labeller.take(event)
             for frame in outcome.frames:
-                pictures[frame.frame_id] = frame.picture
+                on_frame(frame.frame_id, frame.picture)
             if outcome.updates:
-                yield from _closed(outcome.updates, pictures)
-    yield from _closed(labeller.end_trajectory(), pictures)
+                yield outcome.updates
+    yield labeller.end_trajectory()
     report_drops(path, intake.drops + labeller.drops)
 
 
@@ -73,10 +98,3 @@ def report_drops(source: Path | str, drops: Counter[str]) -> None:
     """Say what could not be used."""
     for what, count in sorted(drops.items()):
         _LOG.warning("%s: dropped %d: %s", source, count, what)
-
-
-def _closed(updates: Updates, pictures: dict[int, NDArray[np.uint8]]) -> Iterator[LabelledFrame]:
-    for update in updates:
-        picture = pictures.pop(update.frame_id)
-        if update.posed:
-            yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)

@@ -9,7 +9,7 @@ import cv2
 from rosbags.highlevel import AnyReader
 
 from agents import messages
-from agents.offline import labelled_frames
+from agents.offline import labels_of
 from bench.rows import Figure, Growth, Row
 from bench.synthetic import RATE_HZ, drive
 from llrp_online.configuration import load
@@ -38,7 +38,7 @@ def by_rosbags(path: Path) -> int:
 
 
 def by_us(path: Path) -> int:
-    return sum(1 for _ in labelled_frames(load(CONFIG), path))
+    return sum(len(part) for part in labels_of(load(CONFIG), path))
 
 
 def seconds(work, path: Path) -> float:

@@ -20,6 +20,7 @@ from replay.updates import Updates
 
 #: What the synchroniser's arrays are called by beside the store's.
 _CAMERAS = "cameras."
+_NO_PICTURE = np.empty(0, np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +52,8 @@ class Labeller:
     Args:
         configuration: the robot's.
         first_id: of the frames to come; above every id a restored memory holds.
-        only_closed: tell of each frame once, when its window has closed.
+        only_closed: tell of each frame once, when its window has closed, and keep no picture: an `Outcome` shows each
+            as it comes in.
     """
 
     def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
@@ -75,6 +77,7 @@ class Labeller:
             budget_bytes=round(configuration.memory.store_mb * 1e6),
             only_closed=only_closed,
         )
+        self._only_closed = only_closed
         self.next_id = first_id
 
     @property
@@ -96,7 +99,8 @@ class Labeller:
         updates: list[Updates] = []
         for frame in self._synchroniser.add(event):
             frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
-            updates.append(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
+            kept = _NO_PICTURE if self._only_closed else frame.picture
+            updates.append(self.store.add_frame(self.next_id, frame.t_ns, kept))
             self.next_id += 1
         return Outcome(frames, Updates.joined(updates) if updates else self.store.nothing)
 

@@ -4,14 +4,14 @@ import argparse
 import json
 import logging
 import zipfile
-from array import array
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from agents.commands import options
-from agents.offline import LabelledFrame, labelled_frames
+from agents.offline import labels_of
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.output.is_dir():
         raise ValueError(f"{arguments.output}: cannot be written: it is a folder; name a file in it")
     shape = (len(configuration.targets.build()), len(configuration.sensors))
-    arrays = as_arrays(labelled_frames(configuration, arguments.recording), shape)
+    arrays = as_arrays(labels_of(configuration, arguments.recording), shape)
     write_npz(arguments.output, arrays)
     labels = arrays["labels"]
     known, positive = int((labels >= 0).sum()), int((labels == 1).sum())
@@ -50,15 +50,15 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def as_arrays(frames: Iterable[LabelledFrame], shape: tuple[int, int]) -> dict[str, np.ndarray]:
-    """Frames as the arrays of the npz file; `shape` is (T, S). Each is let go of, picture and all, once it is in."""
-    t_ns, labels, weight = array("q"), bytearray(), bytearray()
-    for frame in frames:
-        t_ns.append(frame.t_ns)
-        labels += frame.labels.tobytes()
-        weight += frame.weight.tobytes()
+def as_arrays(parts: Iterable[Updates], shape: tuple[int, int]) -> dict[str, np.ndarray]:
+    """The frames that have a pose as the arrays of the npz file; `shape` is (T, S)."""
+    t_ns, labels, weight = bytearray(), bytearray(), bytearray()
+    for part in parts:
+        t_ns += part.t_ns[part.posed].tobytes()
+        labels += part.labels[part.posed].tobytes()
+        weight += part.weight[part.posed].tobytes()
     return {
-        "t": np.array(t_ns, np.int64) / 1e9,
+        "t": np.frombuffer(t_ns, np.int64) / 1e9,
         "labels": np.frombuffer(labels, np.int8).reshape(-1, *shape),
         "weight": np.frombuffer(weight, np.float32).reshape(-1, *shape),
     }

@@ -8,6 +8,7 @@ from agents.messages.codec import MessageError, decode, definition, encode, head
 from agents.messages.pictures import compressed_image, image, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
+from agents.messages.shortcut import flat_scan
 from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, twist
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "definition",
     "diagnostic_array",
     "encode",
+    "flat_scan",
     "header",
     "image",
     "labels",

@@ -1,4 +1,4 @@
-"""What comes most often, odometry and compressed pictures, read straight from its bytes.
+"""What comes most often, odometry, scans and compressed pictures, read straight from its bytes.
 
 Decoding makes an object of every part of a message, which costs more than all that is done with it afterwards. Here the
 parts wanted are picked out where they stand. Only bytes laid out as nearly all are (little-endian, plain names, nothing
@@ -13,6 +13,7 @@ _HEADER = struct.Struct("<4xiII")  # the encoding, seconds, nanoseconds, length 
 _LENGTH = struct.Struct("<I")
 _ODOMETRY = struct.Struct("<43d")  # position, orientation, covariance
 _TWIST_BYTES = 42 * 8
+_SCAN_NUMBERS_BYTES = 7 * 4  # angles, times and limits, before the ranges
 _PADDING = 3  # bytes that may follow a message
 _SECOND_NS = 1_000_000_000
 
@@ -34,6 +35,13 @@ class FlatPicture(NamedTuple):
     data: bytes
 
 
+class FlatScan(NamedTuple):
+    """Parts of a sensor_msgs/msg/LaserScan: ranges [m], NaN and infinities as they stand."""
+
+    t_ns: int
+    ranges: Sequence[float]
+
+
 def flat_odometry(data: bytes) -> FlatOdometry | None:
     """None where the bytes are laid out in another way, or are damaged."""
     head = _header(data)
@@ -46,6 +54,26 @@ def flat_odometry(data: bytes) -> FlatOdometry | None:
         return None
     values = _ODOMETRY.unpack_from(data, begin)
     return FlatOdometry(t_ns, values[:3], values[3:7], values[7:])
+
+
+def flat_scan(data: bytes) -> FlatScan | None:
+    """None where the bytes are laid out in another way, or are damaged."""
+    head = _header(data)
+    if head is None:
+        return None
+    t_ns, end = head
+    begin = _aligned(end, 4) + _SCAN_NUMBERS_BYTES
+    if begin + _LENGTH.size > len(data):
+        return None
+    (count,) = _LENGTH.unpack_from(data, begin)
+    begin += _LENGTH.size
+    intensities = begin + 4 * count
+    if intensities + _LENGTH.size > len(data):
+        return None
+    (more,) = _LENGTH.unpack_from(data, intensities)
+    if not 0 <= len(data) - (intensities + _LENGTH.size + 4 * more) <= _PADDING:
+        return None
+    return FlatScan(t_ns, struct.unpack_from(f"<{count}f", data, begin))
 
 
 def flat_picture(data: bytes) -> FlatPicture | None:
