@@ -204,6 +204,22 @@ def test_memory_that_was_trained_on_offline_can_be_learned_from(tmp_path):
     assert len({shown.tobytes() for shown in learner.buffer.sample(256).pictures}) > 50
 
 
+def test_an_older_checkpoint_with_its_frames_in_one_piece_is_gone_on_from(tmp_path, short):
+    from llrp_online import checkpoint
+
+    short.save(tmp_path / "new")
+    tensors, manifest = checkpoint.load(tmp_path / "new")
+    (frames,) = checkpoint.load_parts(tmp_path / "new", "frames")
+    old = {name: tensors["memory"][name] for name in ("ids", "uses", "recent", "offered")}
+    checkpoint.save(tmp_path / "old", {**tensors, "memory": {**old, **frames}}, manifest)
+    learner = Learner(configuration())
+    learner.load(tmp_path / "old")
+    assert learner.buffer.sizes == short.buffer.sizes
+    np.testing.assert_array_equal(learner.buffer.class_counts, short.buffer.class_counts)
+    np.testing.assert_array_equal(next(learner.buffer.shards())["pictures"], frames["pictures"])
+    assert learner.buffer.sample(64) is not None
+
+
 def test_memory_that_is_full_from_offline_has_room_for_new_frames(tmp_path):
     full = trained_offline(tmp_path / "c", memory=0, frames=None)
     assert len(full) == full.capacity
