@@ -57,16 +57,18 @@ class Labeller:
     """
 
     def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
-        topics = configuration.range_topics
+        sensors = configuration.short_range
+        streams = {t: [i for i, one in enumerate(sensors) if one.topic == t] for t in configuration.range_topics}
+        # None: the stream speaks for all sensors.
         self._streams = {
-            topic: (index, [i for i, sensor in enumerate(configuration.short_range) if sensor.topic == topic])
-            for index, topic in enumerate(topics)
+            topic: (index, None if len(members) == len(sensors) else members)
+            for index, (topic, members) in enumerate(streams.items())
         }
         odometry = configuration.odometry
         self._synchroniser = Synchroniser(len(configuration.camera), configuration.robot.camera_sync_s)
         self.store = TrajectoryStore(
             configuration.targets.build(),
-            [sensors for _, sensors in self._streams.values()],
+            list(streams.values()),
             configuration.labels.rule(),
             odometry.limits(),
             MotionNoise(
@@ -94,7 +96,8 @@ class Labeller:
             return Outcome([], self.store.add_odometry(event.t_ns, event.pose, event.covariance))
         if isinstance(event, Reading):
             stream, sensors = self._streams[event.topic]
-            return Outcome([], self.store.add_reading(event.t_ns, stream, event.bits[sensors]))
+            bits = event.bits if sensors is None else event.bits[sensors]
+            return Outcome([], self.store.add_reading(event.t_ns, stream, bits))
         frames: list[NewFrame] = []
         updates: list[Updates] = []
         for frame in self._synchroniser.add(event):

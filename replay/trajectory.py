@@ -26,7 +26,8 @@ from replay.uncertainty import StepNoise
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
-_CLOSED_AT_ONCE = 64
+#: Who asks for closed frames alone is given those of so long at once.
+_CLOSED_EVERY_NS = 1_000_000_000
 
 
 class TrajectoryStore:
@@ -114,7 +115,8 @@ class TrajectoryStore:
             return restarted
         self._clock.heard_odometry(t_ns)
         settled = self._track.add(t_ns, numbers, covariance)
-        return Updates.joined([restarted, self._hand_out(self._solvers.now.take_odometry(settled), posed=True)])
+        updates = self._hand_out(self._solvers.now.take_odometry(settled), posed=True)
+        return Updates.joined([restarted, updates]) if restarted else updates
 
     def add_reading(self, t_ns: int, stream: int, bits: NDArray[np.int8]) -> Updates:
         """Take in what the sensors of a stream said: `bits` (sensors of the stream,) int8, 1, 0 or -1 unknown."""
@@ -217,10 +219,12 @@ class TrajectoryStore:
         `posed`: there is new odometry.
         """
         watermark_ns = self._clock.watermark_ns
+        if self._only_closed and 0 <= watermark_ns - self._watermark_ns < _CLOSED_EVERY_NS:
+            return self.nothing
         if posed or watermark_ns != self._watermark_ns:
             self._watermark_ns = watermark_ns
             self._settle()
-        closing = self._due()
+        closing = self._frames.passed(self._settled_ns - self._rule.window_ns)
         early = self._frames.stop - closing - (self._budget_bytes - self._picture_bytes) // self._frame_bytes
         early = min(max(early, 0), self._frames.stop - closing)
         if early:
@@ -239,15 +243,6 @@ class TrajectoryStore:
         keep_from = min(self._settled_ns - window_ns, oldest_ns) - window_ns
         self._readings.drop_before(self._readings.passed(keep_from))
         self._track.forget_before(keep_from)
-
-    def _due(self) -> int:
-        """The oldest frame whose window is open. Who asks for closed frames alone is given many at once."""
-        frames, limit_ns = self._frames, self._settled_ns - self._rule.window_ns
-        if self._only_closed:
-            last = frames.start + _CLOSED_AT_ONCE - 1
-            if last >= frames.stop or frames.columns.t_ns.item(last) >= limit_ns:
-                return frames.start
-        return frames.passed(limit_ns)
 
     def _collect(self, closing: int) -> Updates:
         """Updates of what changed, and of the rows before `closing`, which leave."""
