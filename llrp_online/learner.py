@@ -242,6 +242,11 @@ class Learner:
                 f"{path}: it was not saved by an online learner, so there is nothing to go on from exactly; "
                 "use it for a warm start"
             )
+        if not Labeller(self.configuration).state().keys() <= tensors["pending"].keys():
+            raise checkpoint.CheckpointError(
+                f"{path}: its frames that wait for labels were saved by another version of this program; "
+                "use it for a warm start"
+            )
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
         self._restore_memory(path, tensors["memory"], manifest)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from llrp_online import checkpoint
 from llrp_online.checkpoint import CheckpointError
 from llrp_online.digest import weights_sha256
 from llrp_online.events import Picture
@@ -179,8 +180,6 @@ def test_a_warm_start_can_do_without_memory(checkpoint_of_grown):
 
 def trained_offline(path, memory, frames):
     """A checkpoint such as `llrp train` writes: memory full to the brim, every frame used many times."""
-    from llrp_online import checkpoint
-
     config = configuration()
     settings = BufferSettings(round(config.memory.budget_mb * 1e6), 8, 0.0, max_uses=10**9, duplicate_distance=0.0)
     buffer, trainer = ReplayBuffer((16, 16, 3), (3, 2), settings), Trainer(config)
@@ -205,8 +204,6 @@ def test_memory_that_was_trained_on_offline_can_be_learned_from(tmp_path):
 
 
 def test_an_older_checkpoint_with_its_frames_in_one_piece_is_gone_on_from(tmp_path, short):
-    from llrp_online import checkpoint
-
     short.save(tmp_path / "new")
     tensors, manifest = checkpoint.load(tmp_path / "new")
     (frames,) = checkpoint.load_parts(tmp_path / "new", "frames")
@@ -364,3 +361,16 @@ def test_a_frame_is_not_trained_on_for_ever():
     assert 40 < learner.trainer.steps <= learner.status().labelled
     assert learner.pace.let_go == 0
     assert not learner.due()
+
+
+def test_frames_that_waited_in_another_version_are_refused(tmp_path, short):
+    short.save(tmp_path / "c")
+    tensors, manifest = checkpoint.load(tmp_path / "c")
+    tensors["pending"] = {name.replace("frames.", "frame."): array for name, array in tensors["pending"].items()}
+    parts = {"frames": checkpoint.load_parts(tmp_path / "c", "frames")}
+    checkpoint.save(tmp_path / "other", tensors, manifest, parts)
+    learner = Learner(configuration())
+    with pytest.raises(CheckpointError, match="another version of this program; use it for a warm start"):
+        learner.load(tmp_path / "other")
+    learner.warm_start(tmp_path / "other")
+    assert len(learner.buffer) == len(short.buffer)
