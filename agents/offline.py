@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agents.intake import Intake
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.events import Event
 from llrp_online.labeller import Labeller
 from replay.recording import Message, read
 from replay.updates import Updates
@@ -52,6 +53,19 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
         first_ns = message.log_ns if first_ns is None else first_ns
         span_ns = max((reader.report.last_ns or 0) - first_ns, 1)
         yield message, (message.log_ns - first_ns) / span_ns
+    _must_have_come(path, intake)
+
+
+def _events_of(path: Path, intake: Intake) -> Iterator[list[Event]]:
+    """What the messages of a recording mean, many at once; MissingTopicsError as `messages_of`."""
+    reader = read(path)
+    while messages := list(islice(reader, _AT_ONCE)):
+        events = (intake.events(message.topic, message.type, message.data, message.log_ns) for message in messages)
+        yield [event for found in events for event in found]
+    _must_have_come(path, intake)
+
+
+def _must_have_come(path: Path, intake: Intake) -> None:
     missing = intake.missing()
     if missing is not None:
         raise MissingTopicsError(f"{path}: {missing}")
@@ -77,13 +91,7 @@ def labels_of(
     `on_frame` is called with the id and the picture of each frame that comes in; nobody else keeps it.
     """
     intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
-    reading = messages_of(path, intake)
-    while messages := list(islice(reading, _AT_ONCE)):
-        events = [
-            event
-            for message, _ in messages
-            for event in intake.events(message.topic, message.type, message.data, message.log_ns)
-        ]
+    for events in _events_of(path, intake):
         for event in events:
             outcome = labeller.take(event)
             for frame in outcome.frames:
