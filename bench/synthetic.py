@@ -23,12 +23,12 @@ _DISTINCT = 256
 _STAMP = struct.Struct("<iI")  # where a CDR message that begins with a header has it: after four bytes
 
 
-def drive(seconds: float, size: tuple[int, int] = (80, 64)) -> Iterator[Message]:
+def drive(seconds: float, size: tuple[int, int] = (80, 64), start_ns: int = START_NS) -> Iterator[Message]:
     """The messages of each tick: odometry, ranges, a picture of `size` (width, height)."""
     random = np.random.default_rng(0)
     pictures = [bytearray(messages.encode(messages.compressed_image(0, scene, quality=95))) for scene in _scenes(size)]
     for tick in range(round(seconds * RATE_HZ)):
-        t_ns = START_NS + tick * 10**9 // RATE_HZ
+        t_ns = start_ns + tick * 10**9 // RATE_HZ
         yaw = _TURN_RAD_S * tick / RATE_HZ
         radius_m = _SPEED_M_S / _TURN_RAD_S
         pose = np.array([radius_m * math.sin(yaw), -radius_m * math.cos(yaw), math.remainder(yaw, 2 * math.pi)])

@@ -42,6 +42,7 @@ class Trainer:
             )
         )
         self._random = np.random.default_rng(settings.seed)
+        self._names = [name for name, _ in self.network.named_parameters()]
         self._average = [parameter.detach().clone() for parameter in self.network.parameters()]
         self.steps = 0
 
@@ -74,9 +75,12 @@ class Trainer:
             torch._foreach_lerp_(self._average, list(self.network.parameters()), 1.0 - decay)  # pyright: ignore[reportPrivateUsage, reportPrivateImportUsage]
 
     def weights(self) -> Weights:
-        """The averaged weights: what predicts."""
-        names = (name for name, _ in self.network.named_parameters())
-        return {name: average.contiguous().numpy().copy() for name, average in zip(names, self._average, strict=True)}
+        """The averaged weights, what predicts: a copy that nobody can change, so that it may be handed to anybody."""
+        found: Weights = {}
+        for name, average in zip(self._names, self._average, strict=True):
+            found[name] = np.array(average.numpy(), order="C")
+            found[name].flags.writeable = False
+        return found
 
     def become(self, weights: Weights) -> None:
         """Go on from these weights, with a fresh optimiser."""

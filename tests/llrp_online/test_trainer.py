@@ -190,6 +190,7 @@ def test_what_it_hands_out_is_a_copy():
     assert same(weights, kept)
     assert same(arrays, state)
     assert not same(trainer.weights(), kept)
+    assert not any(array.flags.writeable for array in weights.values())
 
 
 def test_the_judge_is_the_mean_log_loss_of_what_is_known():
