@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from llrp_online.odometry import MotionNoise
+from llrp_online.motion_noise import MotionNoise
 from replay.resolution import Drive
 from replay.rule import LabelRule, OdometryLimits
 from replay.targets import Targets

@@ -12,11 +12,11 @@ from agents import cli
 from agents.commands.evaluate import exam_of
 from agents.replayed import learn_over
 from bench.rows import Figure, Row
+from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.figures.style import LINES, TEXT_PT, dress, new_figure, png
 from llrp_online.learner import Learner
 from llrp_online.scoring import mean_auc
-from llrp_online.trainer import Weights
 from replay.compiling import plainly
 
 CONFIG = Path("configs/thymio.toml")

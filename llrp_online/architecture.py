@@ -9,9 +9,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 Preset = Literal["online", "paper"]
 PictureShape = tuple[int, int, int]
 Outputs = tuple[int, int]
+#: By the names of `Architecture.parameters`, of the shapes there.
+Weights = dict[str, NDArray[np.float32]]
 
 # A picture flatter than one grey level is a covered lens: dividing by less would only blow up the camera's noise.
 DEVIATION_FLOOR = 1.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample, Reading
-from llrp_online.odometry import MotionNoise
+from llrp_online.motion_noise import MotionNoise
 from llrp_online.synchroniser import Synchroniser
 from replay.trajectory import TrajectoryStore
 from replay.updates import Updates

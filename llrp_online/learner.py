@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llrp_online import checkpoint
+from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.drift import DriftDetector, DriftEvent
 from llrp_online.events import Event
@@ -22,7 +23,7 @@ from llrp_online.predictor import Predictor
 from llrp_online.prequential import Prequential
 from llrp_online.publisher import Publisher, Version
 from llrp_online.status import LearnerStatus, whole_minutes
-from llrp_online.trainer import Trainer, Weights
+from llrp_online.trainer import Trainer
 from replay.buffer import BufferSettings, ReplayBuffer
 from replay.updates import Updates
 

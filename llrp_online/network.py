@@ -72,16 +72,13 @@ class Network(nn.Module):
         self._compiled = Compiled("llrp_online.blocks.kernels", blocks, picture_shape)
         self._blocks: Blocks | None = None
         generator = torch.Generator().manual_seed(seed)
-        # Layers draw their first weights from the global generator, which belongs to others: skipped, and drawn below.
-        with torch.device("meta"):
-            channels = (picture_shape[2], *(block.channels for block in plan.blocks))
-            self.convolutions = nn.ModuleList(
-                nn.Conv2d(before, block.channels, block.kernel, block.stride, block.padding)
-                for before, block in zip(channels, plan.blocks, strict=False)
-            )
-            self.dense = nn.Linear(plan.features(picture_shape), plan.dense)
-            self.outputs = nn.Linear(plan.dense, outputs[0] * outputs[1])
-        self.to_empty(device="cpu")
+        channels = (picture_shape[2], *(block.channels for block in plan.blocks))
+        self.convolutions = nn.ModuleList(
+            _Convolution(before, block.channels, block.kernel, block.stride, block.padding)
+            for before, block in zip(channels, plan.blocks, strict=False)
+        )
+        self.dense = _Dense(plan.features(picture_shape), plan.dense)
+        self.outputs = _Dense(plan.dense, outputs[0] * outputs[1])
         self.dropout = Dropout(plan.dropout, generator)
         for parameter in self.parameters():
             # Glorot's uniform weights and zero biases, the defaults of the authors' library.
@@ -121,6 +118,20 @@ class Network(nn.Module):
             name: cast(NDArray[np.float32], p.detach().contiguous().numpy().copy())
             for name, p in self.named_parameters()
         }
+
+
+# A layer draws its first weights from the global generator, which belongs to others: these do not, the network does.
+# (Layers made on the "meta" device would not either, and cost a quarter of a second of imports.)
+
+
+class _Convolution(nn.Conv2d):
+    def reset_parameters(self) -> None:
+        pass
+
+
+class _Dense(nn.Linear):
+    def reset_parameters(self) -> None:
+        pass
 
 
 class Dropout(nn.Module):

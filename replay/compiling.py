@@ -70,6 +70,9 @@ def jit(signature: str | list[str], **options: Any) -> Callable[[_Function], _Fu
     """
     numba: Any = importlib.import_module("numba")
     signatures = [signature] if isinstance(signature, str) else signature
+    if isinstance(flags := options.get("fastmath"), set):
+        # The cache knows a kernel by the options of those it calls too, and a set has another order in every process.
+        options["fastmath"] = dict.fromkeys(sorted(flags), True)
 
     def compile_it(function: _Function) -> _Function:
         kernel = numba.njit(nogil=True, **options)(function)

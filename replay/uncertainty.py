@@ -10,7 +10,6 @@ import math
 from typing import Protocol
 
 import numpy as np
-from scipy.special import ndtr
 
 from replay.poses import Floats
 
@@ -131,11 +130,20 @@ def within_disc(offset: Floats, covariance: Floats, radius: float) -> Floats:
     edge = (low + high) / 2 + (high - low) / 2 * NODES
     across, chord = radius * np.sin(edge), radius * np.cos(edge)
     density = np.exp(-0.5 * ((across - v) / short) ** 2) / (short * np.sqrt(2 * np.pi))
-    inner = ndtr((chord - u) / long) - ndtr((-chord - u) / long)
+    inner = _share_below((chord - u) / long) - _share_below((-chord - u) / long)
     return np.clip((high - low)[:, 0] / 2 * ((density * chord * inner) @ WEIGHTS), 0.0, 1.0)
 
 
 def within_angle(offset_rad: Floats, variance: Floats, tolerance_rad: float) -> Floats:
     """Probability that a heading lies within `tolerance_rad` of zero: (N,), for mean (N,) and variance (N,)."""
     deviation = np.maximum(np.sqrt(variance), LEAST)
-    return ndtr((tolerance_rad - offset_rad) / deviation) - ndtr((-tolerance_rad - offset_rad) / deviation)
+    above, below = (tolerance_rad - offset_rad) / deviation, (-tolerance_rad - offset_rad) / deviation
+    return _share_below(above) - _share_below(below)
+
+
+def _share_below(deviations: Floats) -> Floats:
+    """Of a normal distribution."""
+    # Compiled code does without: a command does not wait at its start for what only this form needs.
+    from scipy.special import ndtr
+
+    return ndtr(deviations)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from llrp_online.odometry import MotionNoise, WheelOdometry
+from llrp_online.motion_noise import MotionNoise
+from llrp_online.odometry import WheelOdometry
 from replay.poses import compose, wrap
 
 TRACK_M, DT_S, STEPS, RUNS = 0.095, 0.05, 120, 100

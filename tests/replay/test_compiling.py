@@ -19,7 +19,7 @@ def build(factor):
     if "CRASH" in os.environ:
         os.abort()
 
-    @jit("float64(float64)")
+    @jit("float64(float64)", fastmath={"reassoc", "nsz", "contract", "arcp"})
     def scaled(x):
         return factor * x
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from agents.robots.simulated.scenario import Light
 from agents.robots.simulated.world import World
@@ -10,6 +9,7 @@ from agents.robots.simulated.world import World
 Floats = NDArray[np.float64]
 
 SHADOW_SLACK_M = 0.002  # a lit point is met by its own lamp ray at its own distance, give or take rounding
+SAME_M = 1e-9  # points so near are one
 CELLS = 128  # of the shadow map, along each side
 MARGIN_M = 1.0  # around the arena: what stands at a wall throws its shadow beyond
 
@@ -84,7 +84,18 @@ def _shadow(solid: Floats, lamp_m: Floats) -> Floats:
     below_lamp_m = lamp_m[2] - (z + along[:, 2])
     if below_lamp_m.min() <= SHADOW_SLACK_M:
         return np.empty((0, 3))
-    return ConvexHull(lamp_m[:2] + (corners - lamp_m[:2]) * (lamp_m[2] / below_lamp_m)[:, None]).equations
+    return _hull(lamp_m[:2] + (corners - lamp_m[:2]) * (lamp_m[2] / below_lamp_m)[:, None])
+
+
+def _hull(points: Floats) -> Floats:
+    """(E, 3): the edges of the convex hull of a few points (N, 2): the lines through two of them with none beyond."""
+    way = points[None] - points[:, None]
+    length = np.hypot(way[..., 0], way[..., 1])
+    start, stop = np.nonzero(length > SAME_M)
+    normal = np.stack([way[start, stop, 1], -way[start, stop, 0]], 1) / length[start, stop, None]
+    lines = np.column_stack([normal, -(normal * points[start]).sum(1)])
+    beyond_m = lines[:, :2] @ points.T + lines[:, 2:]
+    return lines[beyond_m.max(1) <= SAME_M]
 
 
 def dot(a: Floats, b: Floats) -> Floats:
