@@ -12,6 +12,7 @@ import zenoh
 
 from agents.transport import announce, key, open_session, watch_elder
 from llrp_online.configuration import RobotConfiguration
+from replay import compiling
 
 #: Set by a program that starts agents: its process id. When it dies, however suddenly, they end too.
 PARENT = "LLRP_PARENT"
@@ -52,6 +53,7 @@ def joined(configuration: RobotConfiguration, name: str, *, alone: bool = True) 
         name: says what it is; a robot has one learner, one controller, and so on.
         alone: AgentError if the robot has one of this name already. Those who only listen may be many.
     """
+    compiling.never_wait()
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda _number, _frame: stop.set())

@@ -4,9 +4,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from llrp_online.architecture import Weights
 from llrp_online.metrics import Score
 from llrp_online.scoring import Exam, mean_auc
-from llrp_online.trainer import Weights
 
 #: How far the two means look [m]: as far as the paper's camera sees, and the nearer part that changes less.
 FAR_M, NEAR_M = 0.25, 0.15

@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -28,7 +29,9 @@ logger = logging.getLogger(__name__)
 # that a camera's owner may well want, portrait into landscape is a mistake.
 _STRETCH = 1.5
 _MOST_TOPICS = 1000  # remembered for the error that names them; a stranger on the bus must not fill the memory
-_PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
+_ODOMETRY = "nav_msgs/msg/Odometry"
+_SCAN = "sensor_msgs/msg/LaserScan"
+_COMPRESSED, _IMAGE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 
 
 @dataclass(frozen=True)
@@ -74,27 +77,35 @@ class Intake:
         self.picture_sizes = [Counter() for _ in configuration.camera]
         self._robot = configuration.robot.name
         self._size = configuration.camera[0].width, configuration.camera[0].height
-        self._sensors = [
-            _Sensor(i, s.topic, s.field, s.below, s.above) for i, s in enumerate(configuration.short_range)
-        ]
+        self._sensors = len(configuration.short_range)
         self._types = self._expected_types(configuration)
         self._takers: dict[str, list[Callable[[str, str, bytes, int], Event | None]]] = {}
         self._cameras: dict[str, int] = {}
         self._came: dict[str, str] = {}
+        self._names: dict[str, str] = {}
         for index, camera in enumerate(configuration.camera):
             self._cameras[self._relative(camera.topic)] = index
             self._listen(camera.topic, self._picture)
         self._listen(configuration.odometry.topic, self._odometry)
-        self._range_topics = {self._relative(topic): topic for topic in configuration.range_topics}
+        self._readings: dict[str, tuple[str, list[_Sensor]]] = {}
         for topic in configuration.range_topics:
+            name = self._relative(topic)
+            self._readings[name] = (
+                topic,
+                [
+                    _Sensor(index, sensor.field, _beam(sensor.field), sensor.below, sensor.above)
+                    for index, sensor in enumerate(configuration.short_range)
+                    if self._relative(sensor.topic) == name
+                ],
+            )
             self._listen(topic, self._reading)
 
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""
-        name = self._relative(topic)
+        name = self._names.get(topic) or self._relative(topic)
         type_name = type_name or self._types.get(name, "")
-        if len(self._came) < _MOST_TOPICS:
-            self._came.setdefault(topic, type_name)
+        if topic not in self._came and len(self._came) < _MOST_TOPICS:
+            self._came[topic], self._names[topic] = type_name, name
         found = [take(name, type_name, data, received_ns) for take in self._takers.get(name, [])]
         return [event for event in found if event is not None]
 
@@ -109,7 +120,7 @@ class Intake:
         """What the configuration says of each topic, for senders that do not say."""
         types = {sensor.topic: sensor.type for sensor in configuration.short_range}
         types |= {camera.topic: camera.type for camera in configuration.camera}
-        types[configuration.odometry.topic] = "nav_msgs/msg/Odometry"
+        types[configuration.odometry.topic] = _ODOMETRY
         return {self._relative(topic): type_name for topic, type_name in types.items()}
 
     def _relative(self, topic: str) -> str:
@@ -119,49 +130,66 @@ class Intake:
         self._takers.setdefault(self._relative(topic), []).append(take)
 
     def _odometry(self, topic: str, type_name: str, data: bytes, _received_ns: int) -> OdometrySample | None:
-        message = self._decode(topic, type_name, data, ("nav_msgs/msg/Odometry",))
-        if message is None:
+        if not self._expect(topic, type_name, (_ODOMETRY,)):
             return None
         try:
-            return messages.odometry_sample(message)
+            if (sample := messages.quick_odometry(data)) is not None:
+                return sample
+            message = self._decode(topic, type_name, data)
+            return None if message is None else messages.odometry_sample(message)
         except MessageError as error:
             self._drop(f"{topic}: {error}")
             return None
 
     def _reading(self, topic: str, type_name: str, data: bytes, received_ns: int) -> Reading | None:
+        configured, sensors = self._readings[topic]
+        if type_name == _SCAN and (scan := messages.flat_scan(data)) is not None:
+            quick = [-1] * self._sensors
+            for sensor in sensors:
+                if not 0 <= sensor.beam < len(scan.ranges):
+                    break
+                quick[sensor.index] = sensor.bit(scan.ranges[sensor.beam])
+            else:
+                return Reading(scan.t_ns, configured, np.array(quick, np.int8))
         message = self._decode(topic, type_name, data)
         if message is None:
             return None
-        bits = np.full(len(self._sensors), -1, np.int8)
+        bits = np.full(self._sensors, -1, np.int8)
         found = False
-        for sensor in self._sensors:
-            if self._relative(sensor.topic) != topic:
-                continue
+        for sensor in sensors:
             try:
                 bits[sensor.index] = sensor.bit(read_field(message, sensor.field))
                 found = True
             except MessageError as error:
                 self._drop(f"{topic}: no `{sensor.field}` in a {type_name}", str(error))
-        return Reading(_time_ns(message, received_ns), self._range_topics[topic], bits) if found else None
+        return Reading(_time_ns(message, received_ns), configured, bits) if found else None
 
     def _picture(self, topic: str, type_name: str, data: bytes, received_ns: int) -> Picture | None:
-        message = self._decode(topic, type_name, data, _PICTURES)
-        if message is None:
+        if not self._expect(topic, type_name, (_COMPRESSED, _IMAGE)):
             return None
         try:
-            pixels = messages.picture(message)
+            found = messages.quick_picture(data) if type_name == _COMPRESSED else None
+            if found is None:
+                message = self._decode(topic, type_name, data)
+                if message is None:
+                    return None
+                found = _time_ns(message, received_ns), messages.picture(message)
         except MessageError as error:
             self._drop(f"{topic}: not a decodable picture", str(error).removeprefix("not a decodable picture: "))
             return None
+        t_ns, pixels = found
         camera = self._cameras[topic]
         self._compare_shape(topic, camera, (pixels.shape[1], pixels.shape[0]))
-        small = np.asarray(cv2.resize(pixels, self._size, interpolation=cv2.INTER_LINEAR), np.uint8)
-        return Picture(_time_ns(message, received_ns), camera, small)
+        if pixels.shape[1::-1] != self._size:
+            pixels = np.asarray(cv2.resize(pixels, self._size, interpolation=cv2.INTER_LINEAR), np.uint8)
+        return Picture(t_ns, camera, pixels)
 
-    def _decode(self, topic: str, type_name: str, data: bytes, expected: tuple[str, ...] = ()) -> object | None:
-        if expected and type_name not in expected:
+    def _expect(self, topic: str, type_name: str, expected: tuple[str, ...]) -> bool:
+        if type_name not in expected:
             self._drop(f"{topic}: expected {' or '.join(expected)}, got {type_name}")
-            return None
+        return type_name in expected
+
+    def _decode(self, topic: str, type_name: str, data: bytes) -> object | None:
         try:
             return messages.decode(type_name, data)
         except MessageError as error:
@@ -185,8 +213,8 @@ class Intake:
 @dataclass(frozen=True)
 class _Sensor:
     index: int
-    topic: str
     field: str
+    beam: int  # of a scan; -1: the field says something else
     below: float | None
     above: float | None
 
@@ -213,19 +241,30 @@ def read_field(message: object, field: str) -> float:
     2.0
     """
     value: Any = message
-    for part in re.findall(r"\w+", field):
+    for part in _parts(field):
         try:
-            value = value[int(part)] if part.isdigit() else getattr(value, part)
+            value = value[part] if isinstance(part, int) else getattr(value, part)
         except AttributeError:
             names = [name for name in vars(value) if not name.startswith("_")] if hasattr(value, "__dict__") else []
-            raise MessageError(f"no {part!r}; there is {', '.join(names) or type(value).__name__}") from None
+            raise MessageError(f"no '{part}'; there is {', '.join(names) or type(value).__name__}") from None
         except IndexError:
             raise MessageError(f"no element {part}; there are {len(value)}") from None
         except TypeError:
-            raise MessageError(f"{part!r} of a {type(value).__name__}, which is no list") from None
-    if not isinstance(value, bool | int | float | np.number):
+            raise MessageError(f"'{part}' of a {type(value).__name__}, which is no list") from None
+    if not isinstance(value, (float, int, np.number)):
         raise MessageError(f"expected a number, got {type(value).__name__}")
     return float(value)
+
+
+def _beam(field: str) -> int:
+    """The number of the beam that a field such as `ranges[3]` names; -1 if it names something else."""
+    parts = _parts(field)
+    return int(parts[1]) if len(parts) == 2 and parts[0] == "ranges" and isinstance(parts[1], int) else -1
+
+
+@cache
+def _parts(field: str) -> tuple[str | int, ...]:
+    return tuple(int(part) if part.isdigit() else part for part in re.findall(r"\w+", field))
 
 
 def shape_fault(size: tuple[int, int], wanted: tuple[int, int]) -> str | None:

@@ -22,7 +22,7 @@ from llrp_online.events import Event
 from llrp_online.learner import Learner
 from llrp_online.publisher import Version
 from llrp_online.status import LearnerStatus, whole_minutes
-from replay.trajectory import LabelUpdate
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
 #: Labels are for people to look at: so many messages a second are enough.
@@ -107,13 +107,13 @@ class _Voice:
             self._minute = minutes
             self._on_minute(minutes)
 
-    def labels(self, updates: list[LabelUpdate]) -> None:
-        newest = updates[-1]
-        self._newest_ns = max(self._newest_ns, newest.t_ns)
+    def labels(self, updates: Updates) -> None:
+        t_ns = int(updates.t_ns[-1])
+        self._newest_ns = max(self._newest_ns, t_ns)
         if time.monotonic() - self._labels_s < _LABELS_EVERY_S:
             return
         self._labels_s = time.monotonic()
-        cloud = messages.labels(newest.t_ns, self._targets, self._sensors, newest.labels, newest.weight)
+        cloud = messages.labels(t_ns, self._targets, self._sensors, updates.labels[-1], updates.weight[-1])
         self._labels.put(messages.encode(cloud))
 
 

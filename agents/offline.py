@@ -2,8 +2,9 @@
 
 import logging
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,14 @@ from numpy.typing import NDArray
 
 from agents.intake import Intake
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.events import Event
 from llrp_online.labeller import Labeller
 from replay.recording import Message, read
-from replay.trajectory import LabelUpdate
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
+#: Messages decoded together, then labelled together: each kind of work finds the processor's cache as it left it.
+_AT_ONCE = 96
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +53,19 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
         first_ns = message.log_ns if first_ns is None else first_ns
         span_ns = max((reader.report.last_ns or 0) - first_ns, 1)
         yield message, (message.log_ns - first_ns) / span_ns
+    _must_have_come(path, intake)
+
+
+def _events_of(path: Path, intake: Intake) -> Iterator[list[Event]]:
+    """What the messages of a recording mean, many at once; MissingTopicsError as `messages_of`."""
+    reader = read(path)
+    while messages := list(islice(reader, _AT_ONCE)):
+        events = (intake.events(message.topic, message.type, message.data, message.log_ns) for message in messages)
+        yield [event for found in events for event in found]
+    _must_have_come(path, intake)
+
+
+def _must_have_come(path: Path, intake: Intake) -> None:
     missing = intake.missing()
     if missing is not None:
         raise MissingTopicsError(f"{path}: {missing}")
@@ -56,14 +73,32 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
 
 def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[LabelledFrame]:
     """The frames of one recording that have a pose, in order of time, each when its window has closed."""
-    intake, labeller = Intake(configuration), Labeller(configuration)
     pictures: dict[int, NDArray[np.uint8]] = {}
-    for message, _ in messages_of(path, intake):
-        for event in intake.events(message.topic, message.type, message.data, message.log_ns):
+    for updates in labels_of(configuration, path, pictures.__setitem__):
+        for update in updates:
+            picture = pictures.pop(update.frame_id)
+            if update.posed:
+                yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)
+
+
+def labels_of(
+    configuration: RobotConfiguration,
+    path: Path,
+    on_frame: Callable[[int, NDArray[np.uint8]], None] = lambda _id, _picture: None,
+) -> Iterator[Updates]:
+    """The labels of one recording's frames, in order of time, many at once, each when its window has closed.
+
+    `on_frame` is called with the id and the picture of each frame that comes in; nobody else keeps it.
+    """
+    intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
+    for events in _events_of(path, intake):
+        for event in events:
             outcome = labeller.take(event)
-            pictures |= {frame.frame_id: frame.picture for frame in outcome.frames}
-            yield from _closed(outcome.updates, pictures)
-    yield from _closed(labeller.end_trajectory(), pictures)
+            for frame in outcome.frames:
+                on_frame(frame.frame_id, frame.picture)
+            if outcome.updates:
+                yield outcome.updates
+    yield labeller.end_trajectory()
     report_drops(path, intake.drops + labeller.drops)
 
 
@@ -71,11 +106,3 @@ def report_drops(source: Path | str, drops: Counter[str]) -> None:
     """Say what could not be used."""
     for what, count in sorted(drops.items()):
         _LOG.warning("%s: dropped %d: %s", source, count, what)
-
-
-def _closed(updates: list[LabelUpdate], pictures: dict[int, NDArray[np.uint8]]) -> Iterator[LabelledFrame]:
-    for update in updates:
-        if update.closed:
-            picture = pictures.pop(update.frame_id)
-            if update.posed:
-                yield LabelledFrame(update.t_ns, picture, update.labels, update.weight)

@@ -9,10 +9,13 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from llrp_online import checkpoint
-from llrp_online.learner import Learner
-from llrp_online.trainer import Weights
+from llrp_online.architecture import Weights
+
+if TYPE_CHECKING:
+    from llrp_online.learner import Learner
 
 _MINUTES = "minutes"
 
@@ -41,7 +44,7 @@ class RunFolder:
         if (folder := self.path / _MINUTES).is_dir():
             shutil.rmtree(folder)
 
-    def keep_minute(self, minute: int, learner: Learner) -> None:
+    def keep_minute(self, minute: int, learner: "Learner") -> None:
         """Keep the weights, if this minute was asked for."""
         if minute in self._at_minutes:
             manifest = {"configuration": learner.configuration.model_dump(mode="json"), "version": 0, "minute": minute}

@@ -31,6 +31,7 @@ class Race(Protocol):
         most_s: float | None = None,
         rounds: int = 10,
         note: str = "",
+        gaps: Mapping[str, str] | None = None,
     ) -> Row: ...
 
 
@@ -66,7 +67,8 @@ def race(benchmark: Any, record: Callable[[Measured], None], short: bool) -> Rac
     """Time our work, the peers' and the limit's in turn, round after round, so that a slow moment slows them all.
 
     Each function does its work once, or `per` times where once is too short to time; `rounds` are halved in the short
-    form. `bars` says how many times as much as ours a peer must take. One race a test.
+    form. `bars` says how many times as much as ours a peer must take, `gaps` where that is known to be missed and why.
+    One race a test.
     """
 
     def run(
@@ -80,6 +82,7 @@ def race(benchmark: Any, record: Callable[[Measured], None], short: bool) -> Rac
         most_s: float | None = None,
         rounds: int = 10,
         note: str = "",
+        gaps: Mapping[str, str] | None = None,
     ) -> Row:
         rounds = max(rounds // 2, 3) if short else rounds
         others = dict(peers) if limit is None else {**peers, limit[0]: limit[1]}
@@ -101,6 +104,7 @@ def race(benchmark: Any, record: Callable[[Measured], None], short: bool) -> Rac
             None if limit is None else (limit[0], figures[limit[0]]),
             most_s,
             note=note,
+            gaps=gaps or {},
         )
         record(row)
         return row

@@ -56,6 +56,10 @@ def page(report: dict[str, Any]) -> str:
     parts = [_HEAD, _circumstances(report), "\n## Paths\n\n", _paths(report["rows"])]
     if notes := [f"- {row['path']}: {row['note']}" for row in report["rows"] if row["note"]]:
         parts += ["\n", "\n".join(notes), "\n"]
+    gaps = [(row["path"], *gap) for row in report["rows"] for gap in row["gaps"].items()]
+    if gaps:
+        parts += ["\n## Where it falls short, and what stops it\n\n"]
+        parts += [f"- {path}, beside {peer}: {why}\n" for path, peer, why in gaps]
     if report["growth"]:
         parts += ["\n## Growth\n\n", _growth(report["growth"])]
     return "".join(parts)

@@ -9,9 +9,14 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 Preset = Literal["online", "paper"]
 PictureShape = tuple[int, int, int]
 Outputs = tuple[int, int]
+#: By the names of `Architecture.parameters`, of the shapes there.
+Weights = dict[str, NDArray[np.float32]]
 
 # A picture flatter than one grey level is a covered lens: dividing by less would only blow up the camera's noise.
 DEVIATION_FLOOR = 1.0
@@ -85,7 +90,8 @@ class Architecture:
 _PAPER = Architecture((Block(10), Block(10), Block(8)), dropout=0.2, dense=256)
 _PAPER_SEVERAL_CAMERAS = Architecture((Block(20), Block(12), Block(10), Block(8)), dropout=0.0, dense=512)
 # Widths are multiples of 16, which fill the processor's vectors; the stem's stride quarters what comes after it.
-# A training step takes six tenths of the paper network's time (batch of 64, 80x64 pictures, one thread).
+# A training step takes nine tenths of the paper network's time, compiled, and six tenths in plain PyTorch (batch of 64,
+# 80x64 pictures, one thread); what it predicts after a drive is better: `bench/test_preset.py` measures both.
 _ONLINE = Architecture((Block(16, kernel=5, stride=2), Block(32), Block(32)), dropout=0.2, dense=256)
 
 

@@ -1,8 +1,11 @@
 """The paper's four augmentations, over a whole batch at once: flip, noise, grey, soft shadow (section IV-D).
 
 A flip mirrors the world: the picture's columns, what each camera and each sensor sees, and where each target lies.
+What is drawn at random is drawn first, for all pictures, and only then applied: so the compiled form, in
+`llrp_online.preparation`, applies the same.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -12,14 +15,16 @@ from llrp_online.configuration.learning import Augmentation
 
 FULL_SCALE = 255.0
 # ITU-R BT.601: how bright red, green and blue look.
-_LUMA = np.array([0.299, 0.587, 0.114], np.float32)
+LUMA = (0.299, 0.587, 0.114)
+#: Noise is read from a table of so many normals, or of some pictures' worth if they are larger.
+_GRAINS, _PICTURES = 1 << 20, 4
 
 
-class Batch(NamedTuple):
+class Augmented(NamedTuple):
     """What the augmentation returns; three new arrays.
 
     Attributes:
-        pictures: (N, H, W, C) float32 on the scale of 0 to 255, not clipped to it: ready for `network.standardise`.
+        pictures: (N, H, W, C) float32 on the scale of 0 to 255, not clipped to it.
         labels: (N, T, S) int8.
         weight: (N, T, S) float32.
     """
@@ -29,8 +34,30 @@ class Batch(NamedTuple):
     weight: NDArray[np.float32]
 
 
+class Draw(NamedTuple):
+    """What happens to each of N pictures.
+
+    Attributes:
+        flip: (N,) bool.
+        grain: (N,) float32, by what the table of normals is multiplied; 0: no noise.
+        grain_from: (N,) int64, where in the table the picture's noise begins.
+        grey: (N,) bool.
+        right, down: (N,) float32, by how much the shadow brightens the picture from side to side, from top to bottom.
+    """
+
+    flip: NDArray[np.bool_]
+    grain: NDArray[np.float32]
+    grain_from: NDArray[np.int64]
+    grey: NDArray[np.bool_]
+    right: NDArray[np.float32]
+    down: NDArray[np.float32]
+
+
 class Augmenter:
     """Flip, noise, grey and shadow, each with its probability, drawn anew for every picture.
+
+    Noise is Gaussian, from a table of normals that is the same in every run: drawn at random are where a picture begins
+    to read it, and the sign. Normals drawn anew for each pixel would take longer than all the rest.
 
     Args:
         settings: probabilities and strengths.
@@ -57,16 +84,37 @@ class Augmenter:
         camera_swap: NDArray[np.int64] | None,
     ) -> None:
         self._settings = settings
-        self._label_swap: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
-        self._channel_swap: NDArray[np.int64] | None = None
+        self.swaps: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None = None
         if sensor_swap is not None and target_swap is not None and camera_swap is not None:
-            self._label_swap = target_swap[:, None], sensor_swap[None, :]
-            self._channel_swap = (3 * camera_swap[:, None] + np.arange(3)).ravel()
+            self.swaps = target_swap, sensor_swap, camera_swap
         elif settings.flip > 0:
             raise ValueError(
                 f"flip = {settings.flip:g}, but the rig has no mirror image: expected a swap for sensors, targets and "
                 f"cameras, got {sensor_swap}, {target_swap}, {camera_swap}"
             )
+
+    def draw(self, count: int, values: int, rng: np.random.Generator) -> Draw:
+        """What will happen to `count` pictures of so many `values` (H * W * C); all randomness comes from `rng`."""
+        settings = self._settings
+        flip, noise, grey, shadow = (
+            rng.random(count) < probability
+            for probability in (settings.flip, settings.noise, settings.grey, settings.shadow)
+        )
+        deviation = np.where(rng.random(count) < 0.5, -FULL_SCALE, FULL_SCALE) * settings.noise_deviation
+        grain_from = rng.integers(0, len(grains(values)) - values + 1, count)
+        depth = rng.random(count) * settings.shadow_strength * FULL_SCALE * shadow
+        direction_rad = rng.random(count) * 2 * np.pi
+        right, down = np.cos(direction_rad), np.sin(direction_rad)
+        # The darkest and the brightest corner are `depth` apart.
+        slope = depth / (np.abs(right) + np.abs(down))
+        return Draw(
+            flip,
+            (noise * deviation).astype(np.float32),
+            grain_from,
+            grey,
+            (slope * right).astype(np.float32),
+            (slope * down).astype(np.float32),
+        )
 
     def __call__(
         self,
@@ -74,49 +122,42 @@ class Augmenter:
         labels: NDArray[np.int8],
         weight: NDArray[np.float32],
         rng: np.random.Generator,
-    ) -> Batch:
+    ) -> Augmented:
         """Augment (N, H, W, C) uint8 pictures with (N, T, S) labels and weights; all randomness comes from `rng`."""
-        settings, count = self._settings, len(pictures)
-        flip, noise, grey, shadow = (
-            np.flatnonzero(rng.random(count) < probability)
-            for probability in (settings.flip, settings.noise, settings.grey, settings.shadow)
-        )
-        batch = Batch(pictures.astype(np.float32), labels.copy(), weight.copy())
-        if len(flip):
-            self._mirror(batch, pictures, flip)
-        if len(noise):
-            grain = rng.standard_normal((len(noise), *pictures.shape[1:]), np.float32)
-            grain *= np.float32(settings.noise_deviation * FULL_SCALE)
-            batch.pictures[noise] += grain
-        if len(grey):
-            cameras = batch.pictures[grey].reshape(len(grey), *pictures.shape[1:3], -1, 3)
-            luma = np.repeat(cameras @ _LUMA, 3, axis=-1)
-            batch.pictures[grey] = luma
-        if len(shadow):
-            depth = np.zeros(count)
-            depth[shadow] = rng.random(len(shadow)) * settings.shadow_strength * FULL_SCALE
-            _shade(batch.pictures, depth, rng.random(count) * 2 * np.pi)
-        return batch
+        values = int(np.prod(pictures.shape[1:]))
+        draw = self.draw(len(pictures), values, rng)
+        result = Augmented(pictures.astype(np.float32), labels.copy(), weight.copy())
+        if draw.flip.any():
+            self._mirror(result, draw.flip)
+        for picture, grain, begin in zip(result.pictures, draw.grain, draw.grain_from, strict=True):
+            if grain:
+                picture += grain * grains(values)[begin : begin + values].reshape(picture.shape)
+        cameras = result.pictures[draw.grey].reshape(draw.grey.sum(), *pictures.shape[1:3], pictures.shape[3] // 3, 3)
+        result.pictures[draw.grey] = np.repeat(cameras @ np.array(LUMA, np.float32), 3, axis=-1)
+        _, height, width, _ = pictures.shape
+        result.pictures[:] += np.outer(draw.right, ramp(width))[:, None, :, None]
+        result.pictures[:] += np.outer(draw.down, ramp(height))[:, :, None, None]
+        return result
 
-    def _mirror(self, batch: Batch, pictures: NDArray[np.uint8], flip: NDArray[np.intp]) -> None:
-        mirrored = pictures[flip, :, ::-1]
-        if self._channel_swap is not None and len(self._channel_swap) > 3:
-            mirrored = mirrored[..., self._channel_swap]
-        batch.pictures[flip] = mirrored
-        assert self._label_swap is not None
-        targets, sensors = self._label_swap
-        batch.labels[flip] = batch.labels[flip][:, targets, sensors]
-        batch.weight[flip] = batch.weight[flip][:, targets, sensors]
+    def _mirror(self, result: Augmented, flip: NDArray[np.bool_]) -> None:
+        assert self.swaps is not None
+        targets, sensors, cameras = self.swaps
+        channels = (3 * cameras[:, None] + np.arange(3)).ravel()
+        result.pictures[flip] = result.pictures[flip][:, :, ::-1, channels]
+        for array in (result.labels, result.weight):
+            array[flip] = array[flip][:, targets[:, None], sensors]
 
 
-def _shade(pictures: NDArray[np.float32], depth: NDArray[np.float64], direction_rad: NDArray[np.float64]) -> None:
-    """Add to each picture a plane of mean zero, whose darkest and brightest corners are `depth` (N,) apart."""
-    count, height, width, channels = pictures.shape
-    right, down = np.cos(direction_rad), np.sin(direction_rad)
-    reach = depth / (np.abs(right) + np.abs(down))
-    x = np.outer(reach * right, np.linspace(-0.5, 0.5, width)).astype(np.float32)
-    y = np.outer(reach * down, np.linspace(-0.5, 0.5, height)).astype(np.float32)
-    # Rows of width x channels numbers, added to in long runs: several times faster than broadcasting over channels.
-    rows = pictures.reshape(count, height, width * channels)
-    rows += np.repeat(x, channels, axis=1)[:, None, :]
-    rows += y[:, :, None]
+def grains(values: int) -> NDArray[np.float32]:
+    """The table of normals for pictures of so many values, the same in every run."""
+    return _normals(max(_GRAINS, _PICTURES * values))
+
+
+@functools.cache
+def _normals(count: int) -> NDArray[np.float32]:
+    return np.random.default_rng(0).standard_normal(count, np.float32)
+
+
+def ramp(size: int) -> NDArray[np.float32]:
+    """(size,) from -1/2 to 1/2."""
+    return np.linspace(-0.5, 0.5, size, dtype=np.float32)

@@ -21,7 +21,7 @@ from llrp_online.events import Event
 from llrp_online.learner import Learner
 from llrp_online.publisher import Version
 from llrp_online.status import LearnerStatus
-from replay.trajectory import LabelUpdate
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
 #: Messages that may wait: about a minute of a robot's sensors.
@@ -50,7 +50,7 @@ class Listeners:
 
     weights: Callable[[Version], None] = lambda _: None
     status: Callable[[LearnerStatus], None] = lambda _: None
-    labels: Callable[[list[LabelUpdate]], None] = lambda _: None
+    labels: Callable[[Updates], None] = lambda _: None
 
 
 class BackgroundLearner:

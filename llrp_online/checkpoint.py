@@ -1,7 +1,8 @@
 """Checkpoints: a directory of safetensors files and a manifest, whole or not there.
 
 A new checkpoint is written beside the old one and renamed into its place. A crash at any moment leaves the old or the
-new, and `load` finds it. The manifest holds a checksum of each file. Nothing is ever unpickled.
+new, and `load` finds it. The manifest holds a checksum of each file. Nothing is ever unpickled. What is too large to be
+there twice, as the frames of a full memory, is written and read a part at a time, each part a file.
 """
 
 import base64
@@ -10,7 +11,7 @@ import json
 import os
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,24 +33,28 @@ class CheckpointError(ValueError):
     """A checkpoint that cannot be written or read; the message names the file and what is wrong with it."""
 
 
-def save(path: str | Path, tensors: Mapping[str, Arrays], manifest: Mapping[str, Any]) -> None:
+def save(
+    path: str | Path,
+    tensors: Mapping[str, Arrays],
+    manifest: Mapping[str, Any],
+    parts: Mapping[str, Iterable[Arrays]] | None = None,
+) -> None:
     """Write a checkpoint, replacing one that is there.
 
     Args:
         path: the directory. One that exists must be a checkpoint or empty; anything else is left alone.
         tensors: file stem -> name -> array; `weights` must be among the stems.
         manifest: JSON values to keep with them; `format` and `sha256` are added.
+        parts: file stem -> name -> array, again and again: each part is asked for when the one before is written.
     """
     path = Path(path).resolve()  # a symbolic link stays one; what it points to is replaced
-    _check(path, tensors, manifest)
+    series = parts or {}
+    _check(path, tensors, series, manifest)
     staged, retired = _staged(path), _retired(path)
     if staged.exists():
         shutil.rmtree(staged)
     staged.mkdir(parents=True)
-    digests = {
-        f"{stem}.safetensors": _write_tensors(staged / f"{stem}.safetensors", arrays)
-        for stem, arrays in tensors.items()
-    }
+    digests = {name: _write_tensors(staged / name, arrays) for name, arrays in _files(tensors, series)}
     text = json.dumps({"format": FORMAT, "sha256": digests, **manifest}, indent=1, allow_nan=False)
     _write(staged / MANIFEST, text.encode())
     _sync(staged)
@@ -73,18 +78,23 @@ def must_be_free(path: str | Path) -> None:
 
 def load(path: str | Path) -> tuple[dict[str, dict[str, NDArray[Any]]], dict[str, Any]]:
     """What `save` was given: tensors and manifest. CheckpointError if it is missing, damaged or of another format."""
-    path = Path(path).resolve()
-    directory = path
-    if not path.exists() and _retired(path).exists():
-        directory = _retired(path)  # a crash came between the two renames
-    if not (directory / MANIFEST).is_file():
-        raise CheckpointError(f"{path}: no checkpoint; expected a directory with {MANIFEST}")
-    manifest = _read_manifest(directory / MANIFEST)
-    tensors = {
-        Path(name).stem: _read_tensors(directory / name, digest) for name, digest in manifest.pop("sha256").items()
-    }
+    directory, manifest = _found(path)
+    tensors: dict[str, dict[str, NDArray[Any]]] = {}
+    for name, digest in manifest.pop("sha256").items():
+        if _series(name) is None:
+            tensors[Path(name).stem] = _read_tensors(directory / name, digest)
+        else:
+            _must_match(directory / name, digest)
     del manifest["format"]
     return tensors, manifest
+
+
+def load_parts(path: str | Path, stem: str) -> Iterator[dict[str, NDArray[Any]]]:
+    """The parts that `save` was given under a stem, in order, each read when asked for; none where there were none."""
+    directory, manifest = _found(path)
+    for name, digest in manifest["sha256"].items():
+        if _series(name) == stem:
+            yield _read_tensors(directory / name, digest)
 
 
 def must_fit(path: str | Path, manifest: Mapping[str, Any], configuration: Mapping[str, Any]) -> None:
@@ -145,10 +155,38 @@ def set_torch_state(generator: "torch.Generator", state: str) -> None:
     generator.set_state(torch.tensor(list(base64.b64decode(state)), dtype=torch.uint8))
 
 
-def _check(path: Path, tensors: Mapping[str, Arrays], manifest: Mapping[str, Any]) -> None:
+def _files(tensors: Mapping[str, Arrays], parts: Mapping[str, Iterable[Arrays]]) -> Iterator[tuple[str, Arrays]]:
+    """What is in each file, by its name."""
+    for stem, arrays in tensors.items():
+        yield f"{stem}.safetensors", arrays
+    for stem, series in parts.items():
+        for number, arrays in enumerate(series):
+            yield f"{stem}.{number}.safetensors", arrays
+
+
+def _series(name: str) -> str | None:
+    """Of a file that holds one part of a series, the stem; None of any other."""
+    stem, _, number = name.removesuffix(".safetensors").partition(".")
+    return stem if number else None
+
+
+def _found(path: str | Path) -> tuple[Path, dict[str, Any]]:
+    """The directory that holds the checkpoint, and its manifest."""
+    path = Path(path).resolve()
+    directory = path
+    if not path.exists() and _retired(path).exists():
+        directory = _retired(path)  # a crash came between the two renames
+    if not (directory / MANIFEST).is_file():
+        raise CheckpointError(f"{path}: no checkpoint; expected a directory with {MANIFEST}")
+    return directory, _read_manifest(directory / MANIFEST)
+
+
+def _check(
+    path: Path, tensors: Mapping[str, Arrays], parts: Mapping[str, Iterable[Arrays]], manifest: Mapping[str, Any]
+) -> None:
     if "weights" not in tensors:
         raise CheckpointError(f"{path}: expected `weights` among the tensors, got {sorted(tensors)}")
-    if wrong := [stem for stem in tensors if not re.fullmatch(r"[a-z][a-z0-9_]*", stem)]:
+    if wrong := [stem for stem in (*tensors, *parts) if not re.fullmatch(r"[a-z][a-z0-9_]*", stem)]:
         raise CheckpointError(f"{path}: file stems must be lower-case words, got {wrong}")
     if taken := {"format", "sha256"} & set(manifest):
         raise CheckpointError(f"{path}: the manifest's keys {sorted(taken)} are the checkpoint's own; rename them")
@@ -173,15 +211,20 @@ def _read_manifest(file: Path) -> dict[str, Any]:
 
 
 def _read_tensors(file: Path, digest: str) -> dict[str, NDArray[Any]]:
+    _must_match(file, digest)
     try:
-        found = _digest(file)
-        if found != digest:
-            raise CheckpointError(f"{file}: damaged: expected SHA-256 {digest}, got {found}")
         return safetensors.numpy.load_file(file)
-    except OSError as error:
-        raise CheckpointError(f"{file}: cannot be read: {error.strerror}") from error
     except safetensors.SafetensorError as error:
         raise CheckpointError(f"{file}: not valid safetensors: {error}") from error
+
+
+def _must_match(file: Path, digest: str) -> None:
+    try:
+        found = _digest(file)
+    except OSError as error:
+        raise CheckpointError(f"{file}: cannot be read: {error.strerror}") from error
+    if found != digest:
+        raise CheckpointError(f"{file}: damaged: expected SHA-256 {digest}, got {found}")
 
 
 def _staged(path: Path) -> Path:

@@ -2,7 +2,7 @@
 
 import hashlib
 
-from llrp_online.trainer import Weights
+from llrp_online.architecture import Weights
 
 
 def weights_sha256(weights: Weights) -> str:

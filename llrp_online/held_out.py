@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.buffer import Batch
+from replay.batch import Batch
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +66,9 @@ class HeldOut:
             return self._frames.popitem(last=False)[1]
         return None
 
-    def get(self, frame_id: int) -> HeldFrame:
-        """A frame kept back."""
-        return self._frames[frame_id]
+    def get(self, frame_id: int) -> HeldFrame | None:
+        """A frame kept back; None if it is not."""
+        return self._frames.get(frame_id)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All of them, and where the blocks begin, as arrays for `restore`; empty before the first frame."""

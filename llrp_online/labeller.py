@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample, Reading
-from llrp_online.odometry import MotionNoise
+from llrp_online.motion_noise import MotionNoise
 from llrp_online.synchroniser import Synchroniser
-from replay.trajectory import LabelUpdate, TrajectoryStore
+from replay.trajectory import TrajectoryStore
+from replay.updates import Updates
 
 #: What the synchroniser's arrays are called by beside the store's.
 _CAMERAS = "cameras."
+_NO_PICTURE = np.empty(0, np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +43,7 @@ class Outcome:
     """What one event led to: frames that came in, then what became known of any frame."""
 
     frames: list[NewFrame]
-    updates: list[LabelUpdate]
+    updates: Updates
 
 
 class Labeller:
@@ -50,19 +52,23 @@ class Labeller:
     Args:
         configuration: the robot's.
         first_id: of the frames to come; above every id a restored memory holds.
+        only_closed: tell of each frame once, when its window has closed, and keep no picture: an `Outcome` shows each
+            as it comes in.
     """
 
-    def __init__(self, configuration: RobotConfiguration, first_id: int = 0) -> None:
-        topics = configuration.range_topics
+    def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
+        sensors = configuration.short_range
+        streams = {t: [i for i, one in enumerate(sensors) if one.topic == t] for t in configuration.range_topics}
+        # None: the stream speaks for all sensors.
         self._streams = {
-            topic: (index, [i for i, sensor in enumerate(configuration.short_range) if sensor.topic == topic])
-            for index, topic in enumerate(topics)
+            topic: (index, None if len(members) == len(sensors) else members)
+            for index, (topic, members) in enumerate(streams.items())
         }
         odometry = configuration.odometry
         self._synchroniser = Synchroniser(len(configuration.camera), configuration.robot.camera_sync_s)
         self.store = TrajectoryStore(
             configuration.targets.build(),
-            [sensors for _, sensors in self._streams.values()],
+            list(streams.values()),
             configuration.labels.rule(),
             odometry.limits(),
             MotionNoise(
@@ -71,7 +77,9 @@ class Labeller:
                 odometry.position_noise_m_per_sqrt_m,
             ),
             budget_bytes=round(configuration.memory.store_mb * 1e6),
+            only_closed=only_closed,
         )
+        self._only_closed = only_closed
         self.next_id = first_id
 
     @property
@@ -88,13 +96,16 @@ class Labeller:
             return Outcome([], self.store.add_odometry(event.t_ns, event.pose, event.covariance))
         if isinstance(event, Reading):
             stream, sensors = self._streams[event.topic]
-            return Outcome([], self.store.add_reading(event.t_ns, stream, event.bits[sensors]))
-        outcome = Outcome([], [])
+            bits = event.bits if sensors is None else event.bits[sensors]
+            return Outcome([], self.store.add_reading(event.t_ns, stream, bits))
+        frames: list[NewFrame] = []
+        updates: list[Updates] = []
         for frame in self._synchroniser.add(event):
-            outcome.frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
-            outcome.updates.extend(self.store.add_frame(self.next_id, frame.t_ns, frame.picture))
+            frames.append(NewFrame(self.next_id, frame.t_ns, frame.picture))
+            kept = _NO_PICTURE if self._only_closed else frame.picture
+            updates.append(self.store.add_frame(self.next_id, frame.t_ns, kept))
             self.next_id += 1
-        return outcome
+        return Outcome(frames, Updates.joined(updates) if updates else self.store.nothing)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that waits, as arrays for `restore`."""
@@ -107,7 +118,7 @@ class Labeller:
         cameras = {name: array for name, array in state.items() if name.startswith(_CAMERAS)}
         self._synchroniser.restore({name.removeprefix(_CAMERAS): array for name, array in cameras.items()})
 
-    def end_trajectory(self) -> list[LabelUpdate]:
+    def end_trajectory(self) -> Updates:
         """A new recording, or a robot that was carried off: every frame closes."""
         self._synchroniser.clear()
         return self.store.end_trajectory()

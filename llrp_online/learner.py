@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llrp_online import checkpoint
+from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.drift import DriftDetector, DriftEvent
 from llrp_online.events import Event
@@ -22,9 +23,9 @@ from llrp_online.predictor import Predictor
 from llrp_online.prequential import Prequential
 from llrp_online.publisher import Publisher, Version
 from llrp_online.status import LearnerStatus, whole_minutes
-from llrp_online.trainer import Trainer, Weights
+from llrp_online.trainer import Trainer
 from replay.buffer import BufferSettings, ReplayBuffer
-from replay.trajectory import LabelUpdate
+from replay.updates import Updates
 
 #: Drift events remembered, newest last.
 _EVENTS = 100
@@ -75,14 +76,14 @@ class Learner:
 
     # --- the loop: take events, then take the steps that are due
 
-    def take(self, event: Event) -> list[LabelUpdate]:
+    def take(self, event: Event) -> Updates:
         """Take in one event: predict each new frame, remember each label that became known; the label updates."""
         self.pace.advance(event.t_ns, learning=self._can_learn())
         outcome = self.labeller.take(event)
         for frame in outcome.frames:
             self._predict(frame)
-        for update in outcome.updates:
-            self._remember(update)
+        if outcome.updates:
+            self._remember(outcome.updates)
         return outcome.updates
 
     def due(self) -> bool:
@@ -102,8 +103,7 @@ class Learner:
 
     def end_recording(self) -> None:
         """Nothing that comes next belongs to this trajectory."""
-        for update in self.labeller.end_trajectory():
-            self._remember(update)
+        self._remember(self.labeller.end_trajectory())
         self.pace.end_recording()
 
     @property
@@ -119,21 +119,29 @@ class Learner:
         if self.predictor.version is not None:
             self.prequential.predicted(frame.frame_id, self.predictor.predict(frame.picture).probabilities)
 
-    def _remember(self, update: LabelUpdate) -> None:
-        """Keep what became known of a frame: in the slice held out, or in the replay buffer."""
-        if update.frame_id in self.held_out:
-            held = self.held_out.get(update.frame_id)
-            self.held_out.put(HeldFrame(update.frame_id, held.picture, update.labels, update.weight))
-        elif update.picture is not None:
-            self._admit(HeldFrame(update.frame_id, update.picture, update.labels, update.weight), update.t_ns)
-        else:
-            self.buffer.update(update.frame_id, update.labels, update.weight)
-        if update.closed:
-            self.closed_counts[..., 0] += update.labels == 0
-            self.closed_counts[..., 1] += update.labels == 1
-        losses = self.prequential.resolved(update.frame_id, update.labels, closed=update.closed)
-        if losses is not None:
-            events = self._drift.update(update.t_ns, losses)
+    def _remember(self, updates: Updates) -> None:
+        """Keep what became known of frames: in the slice held out, or in the replay buffer."""
+        frame_ids = updates.frame_ids.tolist()
+        remembered: list[int] = []
+        for row, frame_id in enumerate(frame_ids):
+            held = self.held_out.get(frame_id)
+            picture = updates.pictures.get(frame_id) if held is None else held.picture
+            if picture is None:
+                remembered.append(row)
+                continue
+            frame = HeldFrame(frame_id, picture, updates.labels[row], updates.weight[row])
+            if held is None:
+                self._admit(frame, int(updates.t_ns[row]))
+            else:
+                self.held_out.put(frame)
+        if remembered:
+            ids = [frame_ids[row] for row in remembered]
+            self.buffer.update_many(ids, updates.labels[remembered], updates.weight[remembered])
+        closed = updates.labels[updates.closed]
+        self.closed_counts[..., 0] += (closed == 0).sum(0)
+        self.closed_counts[..., 1] += (closed == 1).sum(0)
+        for row, losses in self.prequential.resolved(updates.frame_ids, updates.labels, updates.closed).items():
+            events = self._drift.update(int(updates.t_ns[row]), losses)
             self.drift_events.extend(events)
             self._drift_count += len(events)
 
@@ -224,7 +232,7 @@ class Learner:
             "publisher": self.publisher.state(),
             "next_id": self.labeller.next_id,
         }
-        checkpoint.save(path, tensors, manifest)
+        checkpoint.save(path, tensors, manifest, {"frames": self.buffer.shards()})
 
     def load(self, path: str | Path) -> None:
         """Go on exactly from a checkpoint that `save` wrote; CheckpointError if it is another robot's."""
@@ -235,9 +243,14 @@ class Learner:
                 f"{path}: it was not saved by an online learner, so there is nothing to go on from exactly; "
                 "use it for a warm start"
             )
+        if not Labeller(self.configuration).state().keys() <= tensors["pending"].keys():
+            raise checkpoint.CheckpointError(
+                f"{path}: its frames that wait for labels were saved by another version of this program; "
+                "use it for a warm start"
+            )
         self.reset()
         self.trainer.restore(tensors["training"], manifest["training"])
-        self._restore_memory(tensors, manifest)
+        self._restore_memory(path, tensors["memory"], manifest)
         self.labeller.restore(tensors["pending"])
         self.held_out.restore(tensors.get("held_out", {}))
         self.pace.restore(manifest["pace"])
@@ -251,7 +264,7 @@ class Learner:
         self.trainer.become(tensors["weights"])
         if memory and "memory" in tensors:
             tensors["memory"]["uses"][:] = 0  # training offline would have used up all frames many times over
-            self._restore_memory(tensors, manifest)
+            self._restore_memory(path, tensors["memory"], manifest)
         self._begin_with(tensors["weights"], int(manifest["version"]))
 
     def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
@@ -264,8 +277,10 @@ class Learner:
                 "give the configuration it was trained with: the same cameras, targets, sensors and network preset"
             )
 
-    def _restore_memory(self, tensors: dict[str, dict[str, NDArray[Any]]], manifest: dict[str, Any]) -> None:
-        self.buffer.restore(tensors["memory"], manifest["memory_random"])
+    def _restore_memory(self, path: str | Path, memory: dict[str, NDArray[Any]], manifest: dict[str, Any]) -> None:
+        # Older checkpoints have the frames beside the rest, in one piece.
+        frames = [memory] if "pictures" in memory else checkpoint.load_parts(path, "frames")
+        self.buffer.restore(memory, frames, manifest["memory_random"])
         self.labeller.next_id = int(manifest["next_id"])
 
     def _begin_with(self, weights: Weights, number: int) -> None:

@@ -8,12 +8,14 @@ Shapes: scores (N, T, S) float; labels (N, T, S) int8 of 1, 0 or -1.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from llrp_online.resampling import Ranking, ranking, resampled_auc
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -66,9 +68,10 @@ class Score:
         """The score of predictions; with `rounds` of bootstrap, or without intervals."""
         n_pos, n_neg = counts(labels)
         blank = np.full(n_pos.shape, np.nan)
-        low, high = bootstrap(scores, labels, rounds, seed) if rounds else (blank, blank)
-        pooled = pooled_auc(scores, labels)
-        return cls(targets, tuple(sensors), auc(scores, labels), low, high, n_pos, n_neg, pooled)
+        rankings, shape = _rankings(scores, labels), n_pos.shape
+        low, high = _intervals(rankings, len(labels), shape, rounds, seed) if rounds else (blank, blank)
+        found = _auc(rankings, len(labels), shape)
+        return cls(targets, tuple(sensors), found, low, high, n_pos, n_neg, pooled_auc(scores, labels))
 
     def as_json(self) -> dict[str, Any]:
         """The same in plain lists, None where undefined."""
@@ -108,10 +111,7 @@ def auc(scores: Scores, labels: Labels) -> Floats:
     >>> auc(np.array([[[0.1]], [[0.4]], [[0.4]], [[0.8]]]), np.array([[[0]], [[0]], [[1]], [[1]]], np.int8))
     array([[0.875]])
     """
-    found = np.full(labels.shape[1:], np.nan)
-    for cell, ranked in _cells(scores, labels):
-        found[cell] = ranked.auc()
-    return found
+    return _auc(_rankings(scores, labels), len(labels), labels.shape[1:])
 
 
 def pooled_auc(scores: Scores, labels: Labels) -> float:
@@ -125,71 +125,49 @@ def bootstrap(scores: Scores, labels: Labels, rounds: int = 100, seed: int = 0) 
     Every round draws N frames with replacement, the same for all cells, so labels of one frame stay together. A round
     in which a cell loses a class does not count for it.
     """
-    count = len(labels)
-    cells = dict(_cells(scores, labels))
-    drawn: dict[tuple[int, int], list[Floats]] = {cell: [] for cell in cells}
+    return _intervals(_rankings(scores, labels), len(labels), labels.shape[1:], rounds, seed)
+
+
+def _rankings(scores: Scores, labels: Labels) -> list[Ranking]:
+    """Every cell's, in the order of targets, then sensors."""
+    if scores.shape != labels.shape:
+        raise ValueError(f"scores and labels: expected the same shape, got {scores.shape} and {labels.shape}")
+    if not (np.isfinite(scores) | (labels < 0)).all():
+        raise ValueError("scores: expected finite numbers wherever the label is known, got NaN or infinity")
+    # One cell's numbers side by side: ranking reads them several times.
+    columns = (np.ascontiguousarray(np.moveaxis(array, 0, -1)) for array in (scores, labels))
+    flat = (column.reshape(np.prod(labels.shape[1:], dtype=int), -1) for column in columns)
+    return [ranking(score, truth) for score, truth in zip(*flat, strict=True)]
+
+
+def _auc(rankings: list[Ranking], count: int, shape: tuple[int, ...]) -> Floats:
+    once = np.ones((count, 1), np.int32)
+    return np.array([resampled_auc(ranked, once)[0] for ranked in rankings]).reshape(shape)
+
+
+def _intervals(
+    rankings: list[Ranking], count: int, shape: tuple[int, ...], rounds: int, seed: int
+) -> tuple[Floats, Floats]:
+    drawn = np.empty((len(rankings), rounds))
     rng = np.random.default_rng(seed)
     for start in range(0, rounds, _ROUNDS_AT_ONCE):
-        times = np.empty((count, min(_ROUNDS_AT_ONCE, rounds - start)), np.int32)
+        end = min(start + _ROUNDS_AT_ONCE, rounds)
+        times = np.empty((count, end - start), np.int32)
         for column in times.T:
             column[:] = np.bincount(rng.integers(0, count, count), minlength=count)
-        for cell, ranked in cells.items():
-            drawn[cell].append(ranked.resampled(times))
-    low, high = np.full(labels.shape[1:], np.nan), np.full(labels.shape[1:], np.nan)
-    for cell, parts in drawn.items():
-        defined = np.concatenate(parts)
-        defined = defined[~np.isnan(defined)]
-        if len(defined):
-            low[cell], high[cell] = np.percentile(defined, [2.5, 97.5])
+        for cell, ranked in enumerate(rankings):
+            drawn[cell, start:end] = resampled_auc(ranked, times)
+    low, high = (_quantile(drawn, share).reshape(shape) for share in (0.025, 0.975))
     return low, high
 
 
-@dataclass(frozen=True, eq=False)
-class _Ranked:
-    """One cell, sorted once.
-
-    Attributes:
-        positive: rows of the positives.
-        negative: rows of the negatives, by ascending score.
-        below: for each positive, how many negatives score less.
-        not_above: for each positive, how many score less or the same.
-    """
-
-    positive: NDArray[np.intp]
-    negative: NDArray[np.intp]
-    below: NDArray[np.intp]
-    not_above: NDArray[np.intp]
-
-    def auc(self) -> float:
-        wins_twice = int(self.below.sum()) + int(self.not_above.sum())
-        return wins_twice / (2 * len(self.positive) * len(self.negative))
-
-    def resampled(self, times: NDArray[np.int32]) -> Floats:
-        """AUC with each row counted `times` (N, rounds) -> (rounds,), NaN where a class is not drawn."""
-        negatives = np.zeros((len(self.negative) + 1, times.shape[1]), np.int32)
-        np.cumsum(times[self.negative], axis=0, out=negatives[1:])
-        positives = times[self.positive]
-        wins_twice = np.einsum("nr,nr->r", positives, negatives[self.below] + negatives[self.not_above], dtype=np.int64)
-        pairs = positives.sum(0, dtype=np.int64) * negatives[-1]
-        return np.divide(wins_twice, 2 * pairs, out=np.full(len(pairs), np.nan), where=pairs > 0)
-
-
-def _cells(scores: Scores, labels: Labels) -> Iterator[tuple[tuple[int, int], _Ranked]]:
-    """Every cell (target, sensor) that has both classes, ranked."""
-    if scores.shape != labels.shape:
-        raise ValueError(f"scores and labels: expected the same shape, got {scores.shape} and {labels.shape}")
-    if not np.isfinite(scores[labels >= 0]).all():
-        raise ValueError("scores: expected finite numbers wherever the label is known, got NaN or infinity")
-    for target, sensor in np.ndindex(*labels.shape[1:]):
-        truth, score = labels[:, target, sensor], scores[:, target, sensor]
-        positive, negative = np.flatnonzero(truth == 1), np.flatnonzero(truth == 0)
-        if not len(positive) or not len(negative):
-            continue
-        negative = negative[np.argsort(score[negative])]
-        ascending = score[negative]
-        below = np.searchsorted(ascending, score[positive], "left")
-        not_above = np.searchsorted(ascending, score[positive], "right")
-        yield (target, sensor), _Ranked(positive, negative, below, not_above)
+def _quantile(values: Floats, share: float) -> Floats:
+    """Of each row of (cells, rounds), between the two nearest of the numbers in it; NaN where there is none."""
+    ascending = np.sort(values, -1)  # NaN last
+    position = share * ((~np.isnan(values)).sum(-1, keepdims=True) - 1)
+    below = np.floor(position).astype(np.int64)
+    low, high = (np.take_along_axis(ascending, index, -1) for index in (below, np.ceil(position).astype(np.int64)))
+    return (low + (high - low) * (position - below))[:, 0]
 
 
 def _nullable(values: Floats) -> list[list[float | None]]:

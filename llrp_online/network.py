@@ -2,6 +2,9 @@
 
 What the presets are made of is said in `llrp_online.architecture`; the paper's is Nava et al. 2019, section IV-E. The
 network returns logits; a probability is their sigmoid, which the paper has as its last layer.
+
+The layers written down in `Network` are the reference for its blocks, and run where there is no compiled code;
+otherwise `llrp_online.blocks` takes their place.
 """
 
 import math
@@ -15,6 +18,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from llrp_online.architecture import DEVIATION_FLOOR, Architecture, Outputs, PictureShape, Preset, architecture
+from llrp_online.blocks import Blocks
+from replay.compiling import Compiled
 
 
 def build(preset: Preset, picture_shape: PictureShape, outputs: Outputs, seed: int = 0) -> "Network":
@@ -63,17 +68,17 @@ class Network(nn.Module):
     def __init__(self, plan: Architecture, picture_shape: PictureShape, outputs: Outputs, seed: int) -> None:
         super().__init__()
         self._outputs_shape = outputs
+        blocks = [(block.channels, block.kernel, block.stride) for block in plan.blocks]
+        self._compiled = Compiled("llrp_online.blocks.kernels", blocks, picture_shape)
+        self._blocks: Blocks | None = None
         generator = torch.Generator().manual_seed(seed)
-        # Layers draw their first weights from the global generator, which belongs to others: skipped, and drawn below.
-        with torch.device("meta"):
-            channels = (picture_shape[2], *(block.channels for block in plan.blocks))
-            self.convolutions = nn.ModuleList(
-                nn.Conv2d(before, block.channels, block.kernel, block.stride, block.padding)
-                for before, block in zip(channels, plan.blocks, strict=False)
-            )
-            self.dense = nn.Linear(plan.features(picture_shape), plan.dense)
-            self.outputs = nn.Linear(plan.dense, outputs[0] * outputs[1])
-        self.to_empty(device="cpu")
+        channels = (picture_shape[2], *(block.channels for block in plan.blocks))
+        self.convolutions = nn.ModuleList(
+            _Convolution(before, block.channels, block.kernel, block.stride, block.padding)
+            for before, block in zip(channels, plan.blocks, strict=False)
+        )
+        self.dense = _Dense(plan.features(picture_shape), plan.dense)
+        self.outputs = _Dense(plan.dense, outputs[0] * outputs[1])
         self.dropout = Dropout(plan.dropout, generator)
         for parameter in self.parameters():
             # Glorot's uniform weights and zero biases, the defaults of the authors' library.
@@ -86,12 +91,22 @@ class Network(nn.Module):
 
     def forward(self, pictures: Tensor) -> Tensor:
         """(N, C, H, W) standardised float32, channels_last -> (N, targets, sensors) logits."""
+        kernels = self._compiled.get()
+        if kernels is None:
+            x = self.reference(pictures)
+        else:
+            self._blocks = self._blocks or Blocks(kernels)
+            x = self._blocks(pictures, list(self.convolutions.parameters()))
+        x = functional.relu(self.dense(self.dropout(x.flatten(1))))
+        return self.outputs(x).unflatten(1, self._outputs_shape)
+
+    def reference(self, pictures: Tensor) -> Tensor:
+        """What the blocks make of (N, C, H, W): (N, C', H', W')."""
         x = pictures
         for convolution in self.convolutions:
             # Pooling before the ReLU is the same function with a quarter of the work; ceil_mode pads at the far edge.
             x = functional.relu(functional.max_pool2d(convolution(x), 2, ceil_mode=True))
-        x = functional.relu(self.dense(self.dropout(x.flatten(1))))
-        return self.outputs(x).unflatten(1, self._outputs_shape)
+        return x
 
     def set_weights(self, weights: Mapping[str, NDArray[np.float32]]) -> None:
         """Copy in what `weights` gave; RuntimeError names what is missing, unknown or of another shape."""
@@ -103,6 +118,20 @@ class Network(nn.Module):
             name: cast(NDArray[np.float32], p.detach().contiguous().numpy().copy())
             for name, p in self.named_parameters()
         }
+
+
+# A layer draws its first weights from the global generator, which belongs to others: these do not, the network does.
+# (Layers made on the "meta" device would not either, and cost a quarter of a second of imports.)
+
+
+class _Convolution(nn.Conv2d):
+    def reset_parameters(self) -> None:
+        pass
+
+
+class _Dense(nn.Linear):
+    def reset_parameters(self) -> None:
+        pass
 
 
 class Dropout(nn.Module):

@@ -1,18 +1,16 @@
-"""Odometry where a robot has none of its own: wheels and gyro to a pose with covariance, and noise for bare poses.
+"""Odometry where a robot has none of its own: wheels and gyro to a pose with covariance.
 
 `WheelOdometry` is an extended Kalman filter on filterpy. Thrun, Burgard and Fox, Probabilistic Robotics (2005), section
-5.4: a wheel's error is a random walk over the way it rolled. `MotionNoise` says how much a single step may be off for a
-robot that gives poses without covariance; the label rule's drift window adds such steps up.
+5.4: a wheel's error is a random walk over the way it rolled.
 """
 
-from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 from filterpy.kalman import ExtendedKalmanFilter, update
 from numpy.typing import NDArray
 
-from replay.poses import compose, wrap
+from replay.poses import compose
 
 Floats = NDArray[np.float64]
 
@@ -97,39 +95,3 @@ class _PoseFilter(ExtendedKalmanFilter):
     def predict_x(self, u: Any = 0) -> None:
         """filterpy's hook for a motion that is not linear: `u` is the step in the robot's frame, (3,)."""
         self.x = compose(self.x, u)
-
-
-@dataclass(frozen=True)
-class MotionNoise:
-    """How far a step of bare odometry may be off, growing with the way and the turn.
-
-    Attributes:
-        heading_noise_rad_per_sqrt_rad: deviation of the heading after a turn of one radian.
-        heading_noise_rad_per_sqrt_m: deviation of the heading after one metre.
-        position_noise_m_per_sqrt_m: deviation of the position after one metre, the same in every direction.
-
-    >>> heading, position = MotionNoise(0.03, 0.04, 0.02)([1.0, 0.0, 0.0])
-    >>> float(heading), position.round(6).tolist()
-    (0.0016, [[0.0004, 0.0], [0.0, 0.0004]])
-    """
-
-    heading_noise_rad_per_sqrt_rad: float
-    heading_noise_rad_per_sqrt_m: float
-    position_noise_m_per_sqrt_m: float
-
-    def __call__(self, step: Floats | list[float]) -> tuple[Floats, Floats]:
-        """The noise of each step.
-
-        Args:
-            step: (..., 3) poses relative to the step's start.
-
-        Returns:
-            Variance of the heading gained, (...) [rad^2], and covariance of the position in the frame of the step's
-            start, (..., 2, 2) [m^2], without what the heading's own error adds later.
-        """
-        step = np.asarray(step, np.float64)
-        way_m = np.hypot(step[..., 0], step[..., 1])
-        turn_rad = np.abs(wrap(step[..., 2]))
-        heading = self.heading_noise_rad_per_sqrt_rad**2 * turn_rad + self.heading_noise_rad_per_sqrt_m**2 * way_m
-        position = (self.position_noise_m_per_sqrt_m**2 * way_m)[..., None, None] * np.eye(2)
-        return heading, position

@@ -68,14 +68,20 @@ class Predictor:
         return None if self._weights is None else self._weights.version
 
     def load(self, weights: FloatArrays, version: int) -> None:
-        """Use a copy of these weights from the next picture on; ValueError if they are not this network's."""
+        """Use these weights from the next picture on; ValueError if they are not this network's.
+
+        An array that can be written to is copied. One that is read-only is used as it is: nobody may change it later.
+        """
         found = {name: array.shape for name, array in weights.items()}
         if found != self._parameters:
             names = [n for n in {**self._parameters, **found} if found.get(n) != self._parameters.get(n)]
             faults = ", ".join(f"{n}: expected {self._parameters.get(n)}, got {found.get(n)}" for n in names)
             raise ValueError(f"weights, version {version}: they do not fit this network ({faults})")
-        # ONNX Runtime reads these in place at every picture, so the copy must be ours alone.
-        values = {name: np.array(array, np.float32, order="C") for name, array in weights.items()}
+        # ONNX Runtime reads these in place at every picture, so nobody else may write there.
+        values = {
+            name: np.array(array, np.float32, order="C", copy=array.flags.writeable or None)
+            for name, array in weights.items()
+        }
         self._weights = _Weights(values, version)
 
     def predict(self, picture: NDArray[np.uint8]) -> Prediction:

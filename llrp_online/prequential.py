@@ -50,7 +50,7 @@ class Prequential:
     >>> evaluation = Prequential(np.array([[0.1, 0, 0]]), ["ahead"], capacity=100)
     >>> for frame, (probability, bit) in enumerate([(0.9, 1), (0.3, 0), (0.4, 0)]):
     ...     evaluation.predicted(frame, np.array([[probability]], np.float32))
-    ...     loss = evaluation.resolved(frame, np.array([[bit]], np.int8), closed=True)
+    ...     _ = evaluation.resolved(np.array([frame]), np.array([[[bit]]], np.int8), closed=np.array([True]))
     >>> evaluation.score().pooled_auc, evaluation.bands()[0].n_neg
     (1.0, 2)
     """
@@ -62,6 +62,7 @@ class Prequential:
         self._sensors = tuple(sensors)
         self._edges_m, self._band_of_target = _distance_bands(targets)
         shape = (capacity, len(targets), len(self._sensors))
+        self._band_of_label = np.broadcast_to(self._band_of_target[:, None], shape[1:])
         self._probabilities = np.zeros(shape, np.float32)
         self._labels = np.full(shape, -1, np.int8)
         self._frame_ids = np.full(capacity, -1, np.int64)
@@ -87,25 +88,30 @@ class Prequential:
         self._slots[frame_id] = slot
         self._next = (slot + 1) % len(self._frame_ids)
 
-    def resolved(self, frame_id: int, labels: NDArray[np.int8], *, closed: bool) -> Floats | None:
-        """Score a frame by its labels as now known, (T, S).
+    def resolved(
+        self, frame_ids: NDArray[np.int64], labels: NDArray[np.int8], closed: NDArray[np.bool_]
+    ) -> dict[int, Floats]:
+        """Score M different frames by their labels as now known.
 
         A frame without a kept prediction (none was made, or it left the window) is passed over.
 
+        Args:
+            frame_ids: (M,).
+            labels: (M, T, S), as now known.
+            closed: (M,), which of them are.
+
         Returns:
-            Once the frame is closed, its mean log-loss by band, (bands,) float64 in nats, NaN where none is known: one
-            value for each frame, for drift detection. Else None.
+            For each closed frame with a prediction, its index among the M, and its mean log-loss by band.
         """
-        slot = self._slots.get(frame_id)
-        if slot is None:
-            return None
-        if labels.shape != self._labels.shape[1:]:
-            raise ValueError(f"labels: expected shape {self._labels.shape[1:]}, got {labels.shape}")
-        self._labels[slot] = labels
-        if not closed:
-            return None
-        losses = [self._losses(np.array([slot]), band) for band in range(len(self._edges_m))]
-        return np.array([loss.mean() if len(loss) else np.nan for loss in losses])
+        expected = len(frame_ids), *self._labels.shape[1:]
+        if labels.shape != expected or closed.shape != expected[:1]:
+            raise ValueError(
+                f"expected labels {expected} and closed {expected[:1]}, got shapes {labels.shape} and {closed.shape}"
+            )
+        slots = np.array([self._slots.get(frame_id, -1) for frame_id in frame_ids.tolist()], np.int64)
+        kept = slots >= 0
+        self._labels[slots[kept]] = labels[kept]
+        return {index: self._band_losses(slots[index]) for index in np.flatnonzero(kept & closed).tolist()}
 
     def score(self, rounds: int = 0, seed: int = 0) -> Score:
         """AUC of each target and sensor over the window; with `rounds` of bootstrap, intervals too."""
@@ -119,12 +125,13 @@ class Prequential:
         rows = self._rows(newest)
         found: list[Band] = []
         for band, (low_m, high_m) in enumerate(self._edges_m):
-            columns = self._band_of_target == band
-            labels = self._labels[rows][:, columns]
-            auc = pooled_auc(self._probabilities[rows][:, columns], labels)
-            n_pos, n_neg = (int(number.sum()) for number in counts(labels))
-            losses = self._losses(rows, band)
-            log_loss = float(losses.mean()) if len(losses) else None
+            here = np.ix_(rows, np.flatnonzero(self._band_of_target == band))
+            labels = self._labels[here]
+            known = labels >= 0
+            truth, probability = labels[known], self._probabilities[here][known]
+            auc = pooled_auc(probability, truth)
+            n_pos, n_neg = (int(number) for number in counts(truth))
+            log_loss = float(_log_losses(probability, truth).mean()) if len(truth) else None
             found.append(Band(low_m, high_m, None if np.isnan(auc) else auc, n_pos, n_neg, log_loss))
         return found
 
@@ -133,14 +140,20 @@ class Prequential:
         count = len(self._slots) if newest is None else min(newest, len(self._slots))
         return np.arange(self._next - count, self._next) % len(self._frame_ids)
 
-    def _losses(self, rows: NDArray[np.intp], band: int) -> Floats:
-        """Log-loss of every known label of these frames and this band, flat."""
-        columns = self._band_of_target == band
-        labels = self._labels[rows][:, columns]
-        known = labels >= 0
-        probability = self._probabilities[rows][:, columns][known].astype(np.float64)
-        of_truth = np.where(labels[known] == 1, probability, 1 - probability)
-        return -np.log(np.maximum(of_truth, _CERTAINTY))
+    def _band_losses(self, slot: int) -> Floats:
+        """A frame's mean log-loss by band, NaN where none is known."""
+        known = self._labels[slot] >= 0
+        bands = self._band_of_label[known]
+        losses = _log_losses(self._probabilities[slot][known], self._labels[slot][known])
+        count = np.bincount(bands, minlength=len(self._edges_m))
+        total = np.bincount(bands, losses, len(self._edges_m))
+        return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0)
+
+
+def _log_losses(probability: NDArray[np.float32], truth: NDArray[np.int8]) -> Floats:
+    """Log-loss of each known label, (K,) and (K,) -> (K,)."""
+    of_truth = np.where(truth == 1, probability.astype(np.float64), 1 - probability.astype(np.float64))
+    return -np.log(np.maximum(of_truth, _CERTAINTY))
 
 
 def _distance_bands(targets: Floats, at_most: int = 4) -> tuple[list[tuple[float, float]], NDArray[np.int64]]:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from llrp_online.architecture import Weights
 from llrp_online.configuration.learning import Publishing
-from llrp_online.trainer import Weights
-from replay.buffer import Batch
+from replay.batch import Batch
 
 #: Log-loss of weights on a batch, or None where no label is known.
 Judge = Callable[[Weights, Batch], float | None]

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Score
 from llrp_online.predictor import Predictor
-from llrp_online.trainer import Weights
 
 
 class Exam:

@@ -11,13 +11,14 @@ import torch
 from numpy.typing import NDArray
 
 from llrp_online import losses
+from llrp_online.adam import MOMENTS, Adam
+from llrp_online.architecture import Weights
 from llrp_online.augment import Augmenter
 from llrp_online.checkpoint import numpy_generator, numpy_state, set_torch_state, torch_state
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.network import build, standardise
-from replay.buffer import Batch
-
-Weights = dict[str, NDArray[np.float32]]
+from llrp_online.preparation import Preparation
+from replay.batch import Batch
 
 
 class Trainer:
@@ -34,11 +35,14 @@ class Trainer:
         self._settings = settings
         self.network = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed)
         self._judge = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed).eval()
-        self._optimiser = torch.optim.Adam(self.network.parameters(), lr=settings.learning_rate, fused=True)
-        self._augment = Augmenter(
-            configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()
+        self._optimiser = Adam(self.network.parameters(), settings.learning_rate)
+        self._prepare = Preparation(
+            Augmenter(
+                configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()
+            )
         )
         self._random = np.random.default_rng(settings.seed)
+        self._names = [name for name, _ in self.network.named_parameters()]
         self._average = [parameter.detach().clone() for parameter in self.network.parameters()]
         self.steps = 0
 
@@ -48,16 +52,16 @@ class Trainer:
         Returns:
             The loss.
         """
-        augmented = self._augment(batch.pictures, batch.labels, batch.weight, self._random)
-        labels, weight = torch.from_numpy(augmented.labels), torch.from_numpy(augmented.weight)
+        prepared = self._prepare(batch, self._random)
+        labels, weight = torch.from_numpy(prepared.labels), torch.from_numpy(prepared.weight)
         self.network.train()
-        logits = self.network(standardise(augmented.pictures))
+        logits = self.network(torch.from_numpy(prepared.pictures).permute(0, 3, 1, 2))
         if self._settings.loss == "paper":
             loss = losses.paper(logits, labels, weight)
         else:
             balance = losses.positive_weights(class_counts, self._settings.positive_weight_max)
             loss = losses.cross_entropy(logits, labels, weight, balance)
-        self._optimiser.zero_grad(set_to_none=True)
+        self._optimiser.zero_grad()
         torch.autograd.backward(loss)
         self._optimiser.step()
         self.steps += 1
@@ -71,14 +75,17 @@ class Trainer:
             torch._foreach_lerp_(self._average, list(self.network.parameters()), 1.0 - decay)  # pyright: ignore[reportPrivateUsage, reportPrivateImportUsage]
 
     def weights(self) -> Weights:
-        """The averaged weights: what predicts."""
-        names = (name for name, _ in self.network.named_parameters())
-        return {name: average.contiguous().numpy().copy() for name, average in zip(names, self._average, strict=True)}
+        """The averaged weights, what predicts: a copy that nobody can change, so that it may be handed to anybody."""
+        found: Weights = {}
+        for name, average in zip(self._names, self._average, strict=True):
+            found[name] = np.array(average.numpy(), order="C")
+            found[name].flags.writeable = False
+        return found
 
     def become(self, weights: Weights) -> None:
         """Go on from these weights, with a fresh optimiser."""
         self.network.set_weights(weights)
-        self._optimiser.state.clear()
+        self._optimiser.forget()
         for average, parameter in zip(self._average, self.network.parameters(), strict=True):
             average.copy_(parameter.detach())
 
@@ -95,10 +102,11 @@ class Trainer:
     def state(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Arrays and JSON values that `restore` takes back exactly."""
         arrays: dict[str, NDArray[Any]] = {}
-        for (name, parameter), average in zip(self.network.named_parameters(), self._average, strict=True):
+        named, moments_of_each = self.network.named_parameters(), self._optimiser.moments
+        for (name, parameter), average, moments in zip(named, self._average, moments_of_each, strict=True):
             arrays[f"network.{name}"] = parameter.detach().contiguous().numpy().copy()
             arrays[f"average.{name}"] = average.contiguous().numpy().copy()
-            for key, value in self._optimiser.state.get(parameter, {}).items():
+            for key, value in moments.items():
                 arrays[f"{key}.{name}"] = value.contiguous().numpy().copy()
         values = {
             "steps": self.steps,
@@ -109,14 +117,15 @@ class Trainer:
 
     def restore(self, arrays: dict[str, NDArray[Any]], values: dict[str, Any]) -> None:
         """Become what `state` was taken from."""
-        for (name, parameter), average in zip(self.network.named_parameters(), self._average, strict=True):
+        self._optimiser.forget()
+        named, moments_of_each = self.network.named_parameters(), self._optimiser.moments
+        for (name, parameter), average, moments in zip(named, self._average, moments_of_each, strict=True):
             with torch.no_grad():
                 parameter.copy_(torch.from_numpy(arrays[f"network.{name}"]))
                 average.copy_(torch.from_numpy(arrays[f"average.{name}"]))
-            moments = ("step", "exp_avg", "exp_avg_sq")
-            self._optimiser.state[parameter] = {
-                key: _like(arrays[f"{key}.{name}"], parameter) for key in moments if f"{key}.{name}" in arrays
-            }
+            moments.update(
+                (key, _like(arrays[f"{key}.{name}"], parameter)) for key in MOMENTS if f"{key}.{name}" in arrays
+            )
         self.steps = int(values["steps"])
         self._random = numpy_generator(values["random"])
         set_torch_state(self.network.dropout.generator, values["dropout"])

@@ -7,6 +7,7 @@ place. Mask-aware: -1 is unknown throughout, and the counts that balance the mem
 
 import logging
 from collections import deque
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +15,18 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-from replay.duplicates import Thumbnails
+from replay import duplicates
+from replay.batch import Batch
+from replay.buffer_kernels import KERNELS
+from replay.drawing import Drawing
+from replay.duplicates import Newest
+from replay.frame_store import FrameStore, bytes_of_frame
 from replay.policies import POLICIES, MemoryView
 
 _LOG = logging.getLogger(__name__)
+#: What is kept of a frame beside its own bytes: its id, its place in memory, what drawing needs; and an entry of a dict
+#: with its two numbers, as CPython has them.
+_ENTRY_BYTES = 8 + 8 + Drawing.ROW_BYTES + 128
 
 
 @dataclass(frozen=True)
@@ -34,23 +43,10 @@ class BufferSettings:
     seed: int = 0
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """N frames to learn from.
-
-    Attributes:
-        pictures: (N, H, W, C) uint8.
-        labels: (N, T, S) int8: 1, 0, -1 unknown.
-        weight: (N, T, S) float32 in [0, 1].
-    """
-
-    pictures: NDArray[np.uint8]
-    labels: NDArray[np.int8]
-    weight: NDArray[np.float32]
-
-
 class ReplayBuffer:
     """Frames by id, drawn half from the newest and half from memory.
+
+    Nothing it does takes longer for holding more.
 
     Args:
         picture_shape: (H, W, C).
@@ -70,8 +66,7 @@ class ReplayBuffer:
         self, picture_shape: tuple[int, int, int], label_shape: tuple[int, int], settings: BufferSettings
     ) -> None:
         self.settings = settings
-        entries = int(np.prod(label_shape))
-        self.frame_bytes = int(np.prod(picture_shape)) + entries * (1 + 4) + 8 + 4 + Thumbnails.ROW_BYTES
+        self.frame_bytes = bytes_of_frame(picture_shape, label_shape) + _ENTRY_BYTES
         self.capacity = settings.budget_bytes // self.frame_bytes
         if self.capacity < 2 * settings.recent_frames:
             raise ValueError(
@@ -81,24 +76,20 @@ class ReplayBuffer:
                 "raise memory.budget_mb or lower memory.recent_frames"
             )
         warn_if_too_large(self.capacity * self.frame_bytes)
-        # Zeroed pages cost nothing until they are written: the budget is a bound, not what an empty buffer takes.
         try:
-            self._pictures = np.zeros((self.capacity, *picture_shape), np.uint8)
+            self._frames = FrameStore(self.capacity, picture_shape, label_shape)
         except MemoryError:
             raise ValueError(
                 f"replay buffer: no room for {settings.budget_bytes / 1e6:g} MB here: lower memory.budget_mb"
             ) from None
-        self._labels = np.zeros((self.capacity, *label_shape), np.int8)
-        self._weight = np.zeros((self.capacity, *label_shape), np.float32)
-        self._ids = np.zeros(self.capacity, np.int64)
-        self._uses = np.zeros(self.capacity, np.int32)
-        self._thumbnails = Thumbnails(self.capacity, settings.duplicate_distance)
-        self._counts = np.zeros((*label_shape, 2), np.int64)
+        self._ids = np.full(self.capacity, -1, np.int64)
         self._slots: dict[int, int] = {}
-        self._free = list(range(self.capacity - 1, -1, -1))
+        self._left: list[int] = []  # slots that are free again
         self._recent: deque[int] = deque()
-        self._memory: list[int] = []
-        self._place: dict[int, int] = {}  # slot -> its index in `_memory`
+        self._memory = np.zeros(self.capacity, np.int64)  # slots, in the first `_remembered` places
+        self._remembered = 0
+        self._drawing = Drawing(self.capacity, settings.recent_share, settings.max_uses)
+        self._newest = Newest(settings.duplicate_distance, self._ids, self._frames.labels)
         self._offered = 0
         self.duplicates = 0
         self._random = np.random.default_rng(settings.seed)
@@ -117,12 +108,12 @@ class ReplayBuffer:
     @property
     def sizes(self) -> dict[str, int]:
         """Frames in each part."""
-        return {"recent": len(self._recent), "memory": len(self._memory)}
+        return {"recent": len(self._recent), "memory": self._remembered}
 
     @property
     def class_counts(self) -> NDArray[np.int64]:
         """(T, S, 2) known labels of each class over all frames kept: negatives, positives."""
-        return self._counts.copy()
+        return self._frames.class_counts
 
     # --- what comes in
 
@@ -133,153 +124,147 @@ class ReplayBuffer:
         labels: NDArray[np.int8],
         weight: NDArray[np.float32],
     ) -> None:
-        """Take in a frame: picture (H, W, C), labels (T, S), weight (T, S). ValueError if the id is here already."""
+        """Take in a frame: picture (H, W, C), labels (T, S), weight (T, S). ValueError if the id is here already.
+
+        An id is not negative.
+        """
         if frame_id in self._slots:
             raise ValueError(f"replay buffer: frame {frame_id} is here already; use update() for its labels")
         if len(self._recent) >= self.settings.recent_frames:
             self._retire(self._recent.popleft())
-        slot = self._free.pop()
+        slot = self._left.pop() if self._left else len(self._slots)
         self._slots[frame_id] = slot
-        self._ids[slot], self._uses[slot] = frame_id, 0
-        self._pictures[slot], self._labels[slot], self._weight[slot] = picture, labels, weight
-        self._thumbnails.put(slot, picture)
-        self._count(slot, 1)
+        self._ids[slot] = frame_id
+        self._frames.put(slot, picture, labels, weight)
         self._recent.append(slot)
+        self._drawing.enter(slot)
 
     def update(self, frame_id: int, labels: NDArray[np.int8], weight: NDArray[np.float32]) -> bool:
-        """Replace a frame's labels and weights in place; False if the frame is no longer kept."""
-        slot = self._slots.get(frame_id)
-        if slot is None:
-            return False
-        self._count(slot, -1)
-        self._labels[slot], self._weight[slot] = labels, weight
-        self._count(slot, 1)
-        return True
+        """Replace a frame's labels and weights, (T, S) each, in place; False if the frame is no longer kept."""
+        return bool(self.update_many([frame_id], labels[None], weight[None])[0])
+
+    def update_many(
+        self, frame_ids: Sequence[int], labels: NDArray[np.int8], weight: NDArray[np.float32]
+    ) -> NDArray[np.bool_]:
+        """Replace the labels and weights of many frames in place; of an id given twice the last counts.
+
+        Args:
+            frame_ids: M of them.
+            labels: (M, T, S) int8.
+            weight: (M, T, S) float32.
+
+        Returns:
+            (M,) bool: is the frame kept? Those that are not are passed over.
+        """
+        slots = np.array([self._slots.get(frame_id, -1) for frame_id in frame_ids], np.int64)
+        self._frames.replace(slots, labels, weight)
+        return slots >= 0
 
     # --- what goes out
 
     def sample(self, size: int) -> Batch | None:
-        """Draw a batch, with replacement; None where no frame has uses left."""
-        recent = self._usable(np.fromiter(self._recent, np.int64, len(self._recent)))
-        memory = self._usable(np.array(self._memory, np.int64))
-        if not len(recent) and not len(memory):
-            return None
-        from_recent = round(size * self.settings.recent_share)
-        if not len(memory):
-            from_recent = size
-        elif not len(recent):
-            from_recent = 0
-        drawn = [_draw(self._random, recent, from_recent), _draw(self._random, memory, size - from_recent)]
-        slots = np.concatenate(drawn)
-        np.add.at(self._uses, slots, 1)
-        return Batch(self._pictures[slots], self._labels[slots], self._weight[slots])
+        """Draw a batch, with replacement; None where no frame has uses left. It is good until the next `add`."""
+        slots = self._drawing.draw(self._random, size)
+        return None if slots is None else self._frames.batch(slots)
 
     # --- to disk and back
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Everything, as arrays that `restore` takes back exactly."""
-        slots = np.array([*self._recent, *self._memory], np.int64)
+        """All but the frames themselves, as arrays for `restore`; the frames come from `shards`."""
+        slots = self._in_order()
         return {
-            "pictures": self._pictures[slots],
-            "labels": self._labels[slots],
-            "weight": self._weight[slots],
             "ids": self._ids[slots],
-            "uses": self._uses[slots],
             "recent": np.array([len(self._recent)], np.int64),
             "offered": np.array([self._offered, self.duplicates], np.int64),
+            **self._drawing.state(slots),
+            **self._newest.state(),
         }
+
+    def shards(self) -> Iterator[dict[str, NDArray[Any]]]:
+        """The frames, a part at a time, as arrays for `restore`: pictures, labels and weight in the order of `ids`."""
+        return self._frames.shards(self._in_order())
 
     def random_state(self) -> dict[str, Any]:
         """The generator's state, as numpy gives it."""
         return dict(self._random.bit_generator.state)
 
-    def restore(self, state: dict[str, NDArray[Any]], random_state: dict[str, Any]) -> None:
-        """Become what `state` and `random_state` were taken from; ValueError where the shapes or the budget differ."""
-        count, recent = len(state["ids"]), int(state["recent"][0])
-        for name, array in (("pictures", self._pictures), ("labels", self._labels)):
-            if state[name].shape[1:] != array.shape[1:]:
-                raise ValueError(f"replay buffer: saved {name} are {state[name].shape[1:]}, expected {array.shape[1:]}")
+    def restore(
+        self,
+        state: Mapping[str, NDArray[Any]],
+        shards: Iterable[Mapping[str, NDArray[Any]]],
+        random_state: dict[str, Any],
+    ) -> None:
+        """Become what these were taken from; ValueError where the shapes or the budget differ."""
+        count = len(state["ids"])
         if count > self.capacity:
             raise ValueError(f"replay buffer: {count} frames were saved, the budget holds {self.capacity}")
-        self._slots.clear()
+        self._left.clear()
         self._recent.clear()
-        self._memory.clear()
-        self._place.clear()
-        self._counts[:] = 0
-        self._free = list(range(self.capacity - 1, count - 1, -1))
-        for name, array in (("ids", self._ids), ("uses", self._uses), ("weight", self._weight)):
-            array[:count] = state[name]
-        self._pictures[:count], self._labels[:count] = state["pictures"], state["labels"]
-        for slot in range(count):
-            self._slots[int(self._ids[slot])] = slot
-            self._thumbnails.put(slot, self._pictures[slot])
-            self._count(slot, 1)
-            if slot < recent:
-                self._recent.append(slot)
-            else:
-                self._remember(slot)
+        self._ids[:] = -1
+        self._policy = POLICIES[self.settings.policy](self.settings.positives_floor)
+        self._frames.fill(shards, count)
+        self._ids[:count] = state["ids"]
+        self._slots = dict(zip(state["ids"].tolist(), range(count), strict=True))
+        recent = int(state["recent"][0])
+        self._recent.extend(range(recent))
+        self._remembered = count - recent
+        self._memory[: self._remembered] = np.arange(recent, count)
+        self._drawing.restore(state, recent)
+        self._newest.restore(state, self._slots)
         self._offered, self.duplicates = (int(n) for n in state["offered"])
         self._random.bit_generator.state = random_state
         self._fit()
 
     # --- inside
 
+    def _in_order(self) -> NDArray[np.int64]:
+        """The slots in use: the recent frames, oldest first, then those in memory."""
+        return np.concatenate([np.array(self._recent, np.int64), self._memory[: self._remembered]])
+
     def _fit(self) -> None:
         """What was saved under other settings may be split otherwise: make room as the settings have it."""
         room = self.capacity - self.settings.recent_frames
-        while len(self._memory) > room:
-            slot = self._memory.pop()
-            del self._place[slot]
-            self._replace(slot, np.array(self._memory, np.int64))
+        while self._remembered > room:
+            self._remembered -= 1
+            self._replace(int(self._memory[self._remembered]))
         while len(self._recent) > self.settings.recent_frames:
             self._retire(self._recent.popleft())
 
     def _retire(self, slot: int) -> None:
         """A frame is no longer recent: into memory, in someone's place, or away."""
         self._offered += 1
-        room = self.capacity - self.settings.recent_frames
-        memory = np.array(self._memory, np.int64)
-        if self._thumbnails.repeats(slot, memory, self._labels):
+        kernels = KERNELS.get()
+        thumbnail = (duplicates.thumbnail if kernels is None else kernels.thumbnail)(self._frames.pictures[slot])
+        if self._newest.repeated_by(slot, thumbnail):
             self.duplicates += 1
             self._forget(slot)
             return
-        if len(memory) < room:
-            self._remember(slot)
-            return
-        self._replace(slot, memory)
+        self._drawing.retire(slot)
+        if self._remembered < self.capacity - self.settings.recent_frames:
+            self._memory[self._remembered] = slot
+            self._remembered += 1
+        else:
+            self._replace(slot)
+        if self._ids[slot] >= 0:
+            self._newest.remember(slot, thumbnail)
 
-    def _replace(self, slot: int, memory: NDArray[np.int64]) -> None:
+    def _replace(self, slot: int) -> None:
         """The memory is full: someone leaves, by the policy, perhaps the newcomer."""
-        view = MemoryView(memory, slot, self._ids, self._labels, self._counts, self._offered)
-        leaves = self._policy(view, self._random)
-        if leaves != slot:
-            at = self._place.pop(leaves)
-            last = self._memory.pop()
-            if last != leaves:
-                self._memory[at], self._place[last] = last, at
-            self._remember(slot)
-        self._forget(leaves)
-
-    def _remember(self, slot: int) -> None:
-        self._place[slot] = len(self._memory)
-        self._memory.append(slot)
+        memory = self._memory[: self._remembered]
+        view = MemoryView(memory, slot, self._ids, self._frames.labels, self._frames.counts, self._offered)
+        place = self._policy(view, self._random)
+        if place is None:
+            self._forget(slot)
+        else:
+            self._forget(int(memory[place]))
+            memory[place] = slot
 
     def _forget(self, slot: int) -> None:
-        self._count(slot, -1)
+        self._frames.drop(slot)
+        self._drawing.leave(slot)
         del self._slots[int(self._ids[slot])]
-        self._free.append(slot)
-
-    def _count(self, slot: int, sign: int) -> None:
-        labels = self._labels[slot]
-        self._counts[..., 0] += sign * (labels == 0)
-        self._counts[..., 1] += sign * (labels == 1)
-
-    def _usable(self, slots: NDArray[np.int64]) -> NDArray[np.int64]:
-        return slots[self._uses[slots] < self.settings.max_uses]
-
-
-def _draw(random: np.random.Generator, slots: NDArray[np.int64], size: int) -> NDArray[np.int64]:
-    return slots[random.integers(0, len(slots), size)] if size else np.zeros(0, np.int64)
+        self._ids[slot] = -1
+        self._left.append(slot)
 
 
 def warn_if_too_large(budget_bytes: int) -> None:

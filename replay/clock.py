@@ -30,6 +30,9 @@ class Clock:
     Args:
         max_delay_s: how late, behind the newest, a message may come and still count.
 
+    Attributes:
+        watermark_ns: nothing older than this may still arrive.
+
     >>> clock = Clock(max_delay_s=1.0)
     >>> clock.heard_odometry(10_000_000_000)
     >>> clock.is_late(9_500_000_000), clock.is_late(8_500_000_000)
@@ -40,11 +43,7 @@ class Clock:
         self._delay_ns = round(max_delay_s * 1e9)
         self._late_in_a_row = 0
         self._odometry_ns = self._others_ns = _NEVER_NS
-
-    @property
-    def watermark_ns(self) -> int:
-        """Nothing older than this may still arrive."""
-        return max(self._odometry_ns, self._others_ns - LEAD_NS) - self._delay_ns
+        self._note()
 
     def is_late(self, t_ns: int) -> bool:
         """Too old to count?"""
@@ -52,11 +51,18 @@ class Clock:
 
     def heard_odometry(self, t_ns: int) -> None:
         """An odometry sample that counts."""
-        self._odometry_ns = max(self._odometry_ns, t_ns)
+        if t_ns > self._odometry_ns:
+            self._odometry_ns = t_ns
+            self._note()
 
     def heard_other(self, t_ns: int) -> None:
         """A frame or a reading that counts."""
-        self._others_ns = max(self._others_ns, t_ns)
+        if t_ns > self._others_ns:
+            self._others_ns = t_ns
+            self._note()
+
+    def _note(self) -> None:
+        self.watermark_ns = max(self._odometry_ns, self._others_ns - LEAD_NS) - self._delay_ns
 
     def judge(self, t_ns: int) -> tuple[Clocks, float]:
         """What an odometry sample says of the clocks, and by how many seconds they are off.
@@ -72,12 +78,14 @@ class Clock:
             return Clocks.SET_BACK, (self._odometry_ns - t_ns) * 1e-9
         ahead_s = (self._others_ns - t_ns) * 1e-9
         self._others_ns = _NEVER_NS
+        self._note()
         return Clocks.APART, ahead_s
 
     def reset(self) -> None:
         """Another clock may come."""
         self._late_in_a_row = 0
         self._odometry_ns = self._others_ns = _NEVER_NS
+        self._note()
 
     def state(self) -> NDArray[np.int64]:
         """As an array that `restore` takes back."""
@@ -86,3 +94,4 @@ class Clock:
     def restore(self, state: NDArray[np.int64]) -> None:
         """Go on from there."""
         self._odometry_ns, self._others_ns, self._late_in_a_row = (int(value) for value in state)
+        self._note()

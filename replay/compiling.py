@@ -7,7 +7,7 @@ door between the two: it hands out the kernels, or None where the reference is t
 Offline, whoever asks waits for the compiler, so that a run is the same from its first step to its last. Live, after
 `never_wait()`, nobody does: a process of lowest priority compiles into the cache, the reference runs meanwhile, and the
 kernels take over once they can be loaded. Without numba, or where compiling fails, the reference goes on for good. Each
-of these is said.
+of these is said. A user may also choose the reference: `use`.
 """
 
 import functools
@@ -35,6 +35,24 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _lock = threading.RLock()  # one compilation at a time: numba's is not made for two
 _waiting = True
+_wanted = True
+
+
+def use(compiled: bool) -> None:
+    """From now on this process uses kernels, or the plain forms alone: what `[compute] compiled` says."""
+    global _wanted
+    _wanted = compiled
+
+
+@contextmanager
+def plainly() -> Generator[None]:
+    """The plain forms alone, within."""
+    before = _wanted
+    use(compiled=False)
+    try:
+        yield
+    finally:
+        use(compiled=before)
 
 
 def never_wait() -> None:
@@ -52,6 +70,9 @@ def jit(signature: str | list[str], **options: Any) -> Callable[[_Function], _Fu
     """
     numba: Any = importlib.import_module("numba")
     signatures = [signature] if isinstance(signature, str) else signature
+    if isinstance(flags := options.get("fastmath"), set):
+        # The cache knows a kernel by the options of those it calls too, and a set has another order in every process.
+        options["fastmath"] = dict.fromkeys(sorted(flags), True)
 
     def compile_it(function: _Function) -> _Function:
         kernel = numba.njit(nogil=True, **options)(function)
@@ -93,6 +114,8 @@ class Compiled:
 
     def get(self) -> Any:
         """The kernels, or None: use the reference. The first call begins to build, and waits unless `never_wait`."""
+        if not _wanted:
+            return None
         if not self._begun:
             self._begun = True
             if _waiting:
@@ -130,7 +153,7 @@ class Compiled:
     def _build(self) -> None:
         try:
             try:
-                self._kernels = _built(self._module, self._arguments)
+                self._kernels = self._tried_twice()
             except ImportError:
                 raise
             # What a damaged cache makes of loading can be any error: clear it, and compile anew.
@@ -140,6 +163,12 @@ class Compiled:
         # A compiler can fail in any way, on a processor or a version that nobody tried; a robot goes on without it.
         except Exception as error:
             self._give_up(f"{type(error).__name__}: {error}")
+
+    def _tried_twice(self) -> Any:
+        """Another process may clear the cache just while this one writes there: that is no damage."""
+        with suppress(OSError):
+            return _built(self._module, self._arguments)
+        return _built(self._module, self._arguments)
 
     def _give_up(self, reason: str) -> None:
         _LOG.warning("%s: going on without compiled code, several times slower: %s", self._module, reason)

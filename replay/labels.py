@@ -5,126 +5,213 @@ candidates are the readings whose heading differs from the target's by at most t
 wins, ties by the smaller time between, then the earlier; its bits are the labels if it lies within the position
 tolerance. (Nava et al. 2019, section III, "self-supervised label generation".)
 
-`Matcher` answers for many pairs of frame and reading at once. A spatial hash of the targets finds the few targets near
-each reading, so its cost does not grow with the number of targets.
+This is the rule in numpy, the reference for `replay.label_kernels`. Where a comparison decides, both compute its two
+sides with the same operations in the same order.
 """
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from replay.poses import Floats, wrap
-from replay.rule import LabelRule
-from replay.targets import Targets
-from replay.track import Moments
+from replay.columns import Frames, Readings
+from replay.poses import Floats, interpolate, wrap
+from replay.ring import Ring
+from replay.solver import Collected, Store
+from replay.track import Settled
 from replay.uncertainty import axes, relative_covariance, within_angle, within_disc
 
 UNKNOWN = -1
-_MOST_CELLS_AN_AXIS = 1024
+_Rows = NDArray[np.int64]
 
 
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Targets that readings lie within tolerance of; M matches, at most one a pair and target.
+class Reference:
+    """See `replay.solver.Solver`."""
 
-    Attributes:
-        pair: (M,) which of the pairs asked about.
-        target: (M,) which target.
-        distance: (M,) from reading to target [m].
-        weight: (M,) float32 probability that the reading truly lay within tolerance; 1 with a fixed window.
-    """
+    def __init__(self, store: Store) -> None:
+        self._track, self._readings, self._frames, self._places = store
+        self._drift = self._frames.columns.sums.shape[1] > 0  # the columns grow, their shape but for rows stays
 
-    pair: NDArray[np.int64]
-    target: NDArray[np.int64]
-    distance: Floats
-    weight: NDArray[np.float32]
+    def take_reading(self, row: int) -> bool:
+        """One reading."""
+        self._place(self._readings, np.array([row]))
+        return self._offer(row)
 
+    def take_frames(self, first: int, last: int) -> bool:
+        """Some frames."""
+        frames, rows = self._frames.columns, np.arange(first, last)
+        self._place(self._frames, rows)
+        for row in rows.tolist():
+            self._resolve(row)
+        frames.told[rows] = False
+        frames.changed[rows] = frames.trajectory[rows] >= 0
+        return bool(frames.changed[rows].any())
 
-class Matcher:
-    """The rule's geometry for one set of targets.
+    def take_odometry(self, settled: Settled) -> bool:
+        """One sample of odometry."""
+        frames, readings = self._frames.columns, self._readings.columns
+        before_ns, after_ns = settled.before_ns, settled.after_ns
+        if settled.rejoined:
+            moved, stale = _all(self._readings), _all(self._frames)
+        else:
+            moved, stale = (_inside(ring, before_ns, after_ns) for ring in (self._readings, self._frames))
+        if settled.late and not settled.rejoined:
+            # What a reading labels whose pose is now another must look for its nearest afresh.
+            every = _all(self._frames)
+            won, won_ns = np.isfinite(frames.best[every]), frames.best_t_ns[every]
+            stale = np.union1d(stale, every[(won & (won_ns > before_ns) & (won_ns < after_ns)).any((1, 2))])
+        posed = frames.trajectory[stale] >= 0
+        self._place(self._frames, stale)
+        self._place(self._readings, moved)
+        stale = stale[posed | (frames.trajectory[stale] >= 0)]
+        changed = [self._resolve(row) for row in stale.tolist()]
+        moved = moved[readings.trajectory[moved] >= 0]
+        # A frame taken anew has seen all readings already.
+        return any(changed + ([] if settled.rejoined else [self._offer(row) for row in moved.tolist()]))
 
-    >>> matcher = Matcher(Targets.line(0.0, 0.3, 0.1), LabelRule(position_tolerance_m=0.06))
-    >>> moments = lambda x: Moments(np.array([[x, 0.0, 0.0]]), np.zeros(1, np.int64), np.zeros((1, 9)))
-    >>> found = matcher.match(moments(1.0), moments(1.15))
-    >>> found.target, found.distance.round(3)
-    (array([1, 2]), array([0.05, 0.05]))
-    """
+    def collect(self, closing: int, *, only_closed: bool) -> Collected:
+        """What is to be handed out."""
+        ring, frames = self._frames, self._frames.columns
+        rows = _all(ring)
+        closed = rows < closing
+        known = (frames.labels[rows] != UNKNOWN).any((1, 2))
+        open_ = ~closed & frames.changed[rows] & (not only_closed)
+        first = known & ~frames.told[rows]
+        chosen = closed | (open_ & (known | frames.told[rows]))
+        frames.changed[rows[open_]] = False
+        rows, closed, first = rows[chosen], closed[chosen], first[chosen]
+        frames.told[rows] |= first
+        labels = frames.labels[rows]
+        return Collected(
+            frames.frame_id[rows],
+            frames.t_ns[rows],
+            labels,
+            frames.weight[rows] if self._drift else (labels != UNKNOWN).astype(np.float32),
+            closed,
+            frames.trajectory[rows] >= 0,
+            first,
+        )
 
-    def __init__(self, targets: Targets, rule: LabelRule) -> None:
-        self._poses = targets.poses
-        self._rule = rule
-        low, high = self._poses[:, :2].min(0), self._poses[:, :2].max(0)
-        self._cell = np.maximum(rule.position_tolerance_m, (high - low) / _MOST_CELLS_AN_AXIS)
-        self._corner = low - 1.5 * self._cell
-        self._cells = ((high - self._corner) / self._cell).astype(np.int64) + 2
-        self._near = self._hash()
+    # --- where the robot was
 
-    def _hash(self) -> NDArray[np.int32]:
-        """(cells, K) targets that a point in each cell may be within tolerance of, padded with -1."""
-        home = ((self._poses[:, :2] - self._corner) / self._cell).astype(np.int64)
-        around = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], indexing="ij"), -1).reshape(-1, 2)
-        cells = (home[:, None, :] + around[None, :, :]).reshape(-1, 2)
-        keys = cells[:, 0] * self._cells[1] + cells[:, 1]
-        owners = np.repeat(np.arange(len(home)), len(around))
-        order = np.argsort(keys, kind="stable")
-        keys, owners = keys[order], owners[order]
-        rank = np.arange(len(keys)) - np.searchsorted(keys, keys, "left")
-        near = np.full((int(self._cells.prod()), int(rank.max()) + 1), -1, np.int32)
-        near[keys, rank] = owners
-        return near
+    def _place(self, ring: Ring[Readings] | Ring[Frames], rows: _Rows) -> None:
+        """Set the pose at the rows' times: interpolated between the samples around each, exact on a sample."""
+        samples, columns = self._track.live, ring.columns
+        columns.trajectory[rows] = -1
+        t_ns = columns.t_ns[rows]
+        inside = np.zeros(len(rows), np.bool_)
+        if len(samples.t_ns):
+            inside = (t_ns >= samples.t_ns[0]) & (t_ns <= samples.t_ns[-1])
+        rows, t_ns = rows[inside], t_ns[inside]
+        after = np.searchsorted(samples.t_ns, t_ns, "left")
+        before = np.where(samples.t_ns[after] == t_ns, after, after - 1)
+        joined = samples.trajectory[before] == samples.trajectory[after]
+        rows, t_ns, before, after = rows[joined], t_ns[joined], before[joined], after[joined]
+        fraction = (t_ns - samples.t_ns[before]) / np.maximum(samples.t_ns[after] - samples.t_ns[before], 1)
+        start, stop = (np.stack([samples.x_m[at], samples.y_m[at], samples.yaw_rad[at]], -1) for at in (before, after))
+        pose = interpolate(start, stop, fraction)
+        columns.x_m[rows], columns.y_m[rows], columns.yaw_rad[rows] = pose.T
+        columns.trajectory[rows] = samples.trajectory[after]
+        columns.sums[rows] = samples.sums[before] + fraction[:, None] * (samples.sums[after] - samples.sums[before])
+        if isinstance(columns, Frames):  # numpy's own may differ from the compiler's in the last bit
+            columns.cos[rows] = [math.cos(yaw_rad) for yaw_rad in pose[:, 2].tolist()]
+            columns.sin[rows] = [math.sin(yaw_rad) for yaw_rad in pose[:, 2].tolist()]
 
-    def match(self, frames: Moments, readings: Moments) -> Matches:
-        """The targets of `frames` that `readings` label; the two hold N moments each, pair by pair, or 1 against N."""
-        frame, reading = frames.pose, readings.pose
-        dx, dy = reading[:, 0] - frame[:, 0], reading[:, 1] - frame[:, 1]
-        cos, sin = np.cos(frame[:, 2]), np.sin(frame[:, 2])
+    # --- which reading wins
+
+    def _resolve(self, row: int) -> bool:
+        """Take a frame's labels afresh from all readings kept."""
+        frames = self._frames.columns
+        frames.best[row], frames.labels[row], frames.weight[row] = np.inf, UNKNOWN, 0.0
+        frames.changed[row] = True
+        t_ns, window_ns = frames.t_ns.item(row), self._places.window_ns
+        readings = _inside(self._readings, t_ns - window_ns - 1, t_ns + window_ns + 1)
+        frame, reading, target, distance, weight = self._match(np.array([row]), readings)
+        times = self._readings.columns.t_ns[reading]
+        slot = self._readings.columns.stream[reading] * len(self._places.x_m) + target
+        order = np.lexsort((times, np.abs(times - t_ns), distance, slot))
+        won = order[np.flatnonzero(np.diff(slot[order], prepend=-1))]
+        self._label(frame[won], reading[won], target[won], distance[won], weight[won])
+        return True
+
+    def _offer(self, row: int) -> bool:
+        """Hold one reading against the frames waiting."""
+        frames, readings = self._frames.columns, self._readings.columns
+        t_ns, stream, window_ns = readings.t_ns.item(row), readings.stream.item(row), self._places.window_ns
+        waiting = _inside(self._frames, t_ns - window_ns - 1, t_ns + window_ns + 1)
+        frame, reading, target, distance, weight = self._match(waiting, np.array([row]))
+        best, best_t_ns = frames.best[frame, stream, target], frames.best_t_ns[frame, stream, target]
+        apart, best_apart = np.abs(t_ns - frames.t_ns[frame]), np.abs(best_t_ns - frames.t_ns[frame])
+        sooner = (apart < best_apart) | ((apart == best_apart) & (t_ns < best_t_ns))
+        won = (distance < best) | ((distance == best) & sooner)
+        return self._label(frame[won], reading[won], target[won], distance[won], weight[won])
+
+    def _label(
+        self, frame: _Rows, reading: _Rows, target: _Rows, distance: Floats, weight: NDArray[np.float32]
+    ) -> bool:
+        """Let readings label targets of frames, each pair of these once; did a label change?"""
+        frames, readings = self._frames.columns, self._readings.columns
+        stream = readings.stream[reading]
+        frames.best[frame, stream, target] = distance
+        frames.best_t_ns[frame, stream, target] = readings.t_ns[reading]
+        sensor = self._places.sensors[stream]
+        pair, place = np.nonzero(sensor >= 0)
+        at = (frame[pair], target[pair], sensor[pair, place])
+        bits = readings.bits[reading[pair], place]
+        changed = frames.labels[at] != bits
+        frames.labels[at] = bits
+        if self._drift:
+            known = np.where(bits == UNKNOWN, np.float32(0), weight[pair])
+            changed |= frames.weight[at] != known
+            frames.weight[at] = known
+        frames.changed[at[0][changed]] = True
+        return bool(changed.any())
+
+    def _match(self, frame: _Rows, reading: _Rows) -> tuple[_Rows, _Rows, _Rows, Floats, NDArray[np.float32]]:
+        """The pairs of frame and reading, one row against many, and the targets that the reading lies within tolerance
+        of: (M,) frame, reading, target, distance [m], and the probability that it truly did.
+        """
+        frames, readings, places = self._frames.columns, self._readings.columns, self._places
+        frame, reading = np.broadcast_arrays(frame, reading)
+        joined = (frames.trajectory[frame] == readings.trajectory[reading]) & (frames.trajectory[frame] >= 0)
+        frame, reading = frame[joined], reading[joined]
+        dx, dy = readings.x_m[reading] - frames.x_m[frame], readings.y_m[reading] - frames.y_m[frame]
+        cos, sin = frames.cos[frame], frames.sin[frame]
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
-        turned = reading[:, 2] - frame[:, 2]
-        joined = np.broadcast_to((frames.trajectory == readings.trajectory) & (frames.trajectory >= 0), x.shape)
-
-        cx, cy = (x - self._corner[0]) / self._cell[0], (y - self._corner[1]) / self._cell[1]
-        inside = joined & (cx >= 0) & (cy >= 0) & (cx < self._cells[0]) & (cy < self._cells[1])
-        pair = np.flatnonzero(inside)
-        near = self._near[cx[pair].astype(np.int64) * self._cells[1] + cy[pair].astype(np.int64)]
-        row, column = np.nonzero(near >= 0)
-        pair, target = pair[row], near[row, column].astype(np.int64)
-
-        off_x, off_y = x[pair] - self._poses[target, 0], y[pair] - self._poses[target, 1]
-        distance = np.hypot(off_x, off_y)
-        off_yaw = wrap(turned[pair] - self._poses[target, 2])
-        keep = distance <= self._rule.position_tolerance_m
-        if self._rule.heading_tolerance_rad is not None:
-            keep &= np.abs(off_yaw) <= self._rule.heading_tolerance_rad
-        found = np.flatnonzero(keep)
-        pair, target, distance = pair[found], target[found], distance[found]
-        if self._rule.window == "fixed":
-            return Matches(pair, target, distance, np.ones(len(pair), np.float32))
-        offset = np.stack([off_x[found], off_y[found]], -1)
-        known, weight = self._certainty(frames, readings, pair, offset, off_yaw[found])
-        return Matches(pair[known], target[known], distance[known], weight[known])
+        pair, target = places.find(x, y)
+        off_x, off_y = x[pair] - places.x_m[target], y[pair] - places.y_m[target]
+        distance = np.sqrt(off_x * off_x + off_y * off_y)
+        turned = readings.yaw_rad[reading] - frames.yaw_rad[frame]
+        off_yaw = wrap(turned[pair] - places.yaw_rad[target])
+        near = distance <= places.position_tolerance_m
+        if math.isfinite(places.heading_tolerance_rad):
+            near &= np.abs(off_yaw) <= places.heading_tolerance_rad
+        weight = np.ones(len(pair), np.float32)
+        if self._drift:
+            known, weight = self._certainty(frame[pair], reading[pair], np.stack([off_x, off_y], -1), off_yaw)
+            near &= known
+        return frame[pair[near]], reading[pair[near]], target[near], distance[near], weight[near]
 
     def _certainty(
-        self, frames: Moments, readings: Moments, pair: NDArray[np.int64], offset: Floats, off_yaw: Floats
+        self, frame: _Rows, reading: _Rows, offset: Floats, off_yaw: Floats
     ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
         """Is each pair's relative pose known to the gate, and how probably was the reading within tolerance?"""
-        frame, reading = (side[pair] for side in np.broadcast_arrays(frames.pose, readings.pose))
-        origin_sums, sums = (side[pair] for side in np.broadcast_arrays(frames.sums, readings.sums))
-        covariance, heading_variance = relative_covariance(origin_sums, sums, reading[:, :2])
-        cos, sin = np.cos(frame[:, 2]), np.sin(frame[:, 2])
+        frames, readings, places = self._frames.columns, self._readings.columns, self._places
+        position = np.stack([readings.x_m[reading], readings.y_m[reading]], -1)
+        covariance, heading_variance = relative_covariance(frames.sums[frame], readings.sums[reading], position)
+        cos, sin = frames.cos[frame], frames.sin[frame]
         world = np.stack([cos * offset[:, 0] - sin * offset[:, 1], sin * offset[:, 0] + cos * offset[:, 1]], -1)
-        weight = within_disc(world, covariance, self._rule.position_tolerance_m)
-        if self._rule.heading_tolerance_rad is not None:
+        weight = within_disc(world, covariance, places.position_tolerance_m)
+        if math.isfinite(places.heading_tolerance_rad):
             # Heading and position errors of a pair are correlated; taking them as independent errs by little and low.
-            weight = weight * within_angle(off_yaw, heading_variance, self._rule.heading_tolerance_rad)
-        return axes(covariance)[0] <= self._rule.gate_m, weight.astype(np.float32)
+            weight = weight * within_angle(off_yaw, heading_variance, places.heading_tolerance_rad)
+        return axes(covariance)[0] <= places.gate_m, weight.astype(np.float32)
 
 
-def nearest_first(
-    slot: NDArray[np.int64], distance: Floats, apart_ns: NDArray[np.int64], t_ns: NDArray[np.int64]
-) -> NDArray[np.int64]:
-    """Indices of the winner of each slot: the nearest, ties by the smaller time apart, then the earlier reading."""
-    order = np.lexsort((t_ns, apart_ns, distance, slot))
-    first = np.ones(len(order), np.bool_)
-    first[1:] = slot[order][1:] != slot[order][:-1]
-    return order[first]
+def _all(ring: Ring[Readings] | Ring[Frames]) -> _Rows:
+    return np.arange(ring.start, ring.stop)
+
+
+def _inside(ring: Ring[Readings] | Ring[Frames], before_ns: int, after_ns: int) -> _Rows:
+    """The rows strictly between two times."""
+    return np.arange(ring.from_ns(before_ns + 1), ring.from_ns(after_ns))

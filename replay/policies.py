@@ -1,29 +1,34 @@
 """Who stays in a full memory: balanced over target x class, a plain reservoir, or first in first out.
 
-A policy is called with a view of the memory and returns the slot that leaves: one of the memory's, or the candidate's.
+A policy is called with a view of the memory and says whose place the newcomer takes. Each takes as long in a large
+memory as in a small one.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-#: The balanced policy looks for who leaves among so many frames, drawn at random: the cost is flat in the memory.
+from replay.buffer_kernels import KERNELS
+from replay.class_counts import Counts
+from replay.slots import places
+
+#: The balanced policy looks for who leaves among so many frames, drawn at random.
 _CANDIDATES = 64
+#: What a label is worth that no other frame has. In whole numbers, sums do not depend on the order of their terms.
+_UNIQUE = 1 << 40
 
 
-@dataclass(frozen=True, eq=False)
-class MemoryView:
+class MemoryView(NamedTuple):
     """What a policy may look at.
 
     Attributes:
-        memory: (M,) slots in memory.
+        memory: (M,) slots in memory; a newcomer takes the place of the one it follows.
         candidate: the slot that wants in.
         ids: (slots,) frame id in each slot, growing with time.
-        labels: (slots, T, S) int8.
-        counts: (T, S, 2) known labels of each class over all frames kept.
+        labels: (slots, L) int8.
+        counts: (2, L) known labels of each class over all frames kept.
         offered: frames offered to memory so far, this one included.
     """
 
@@ -31,15 +36,15 @@ class MemoryView:
     candidate: int
     ids: NDArray[np.int64]
     labels: NDArray[np.int8]
-    counts: NDArray[np.int64]
+    counts: Counts
     offered: int
 
 
 class Policy(Protocol):
     """Decides who leaves a full memory."""
 
-    def __call__(self, view: MemoryView, random: np.random.Generator, /) -> int:
-        """The slot that leaves."""
+    def __call__(self, view: MemoryView, random: np.random.Generator, /) -> int | None:
+        """The place in `view.memory` that the newcomer takes; None: it is the newcomer who leaves."""
         ...
 
 
@@ -54,17 +59,25 @@ class Balanced:
     def __init__(self, positives_floor: float) -> None:
         self._floor = positives_floor
 
-    def __call__(self, view: MemoryView, random: np.random.Generator) -> int:
-        """The slot that leaves."""
-        drawn = view.memory[random.integers(0, len(view.memory), _CANDIDATES)]
-        slots = np.append(drawn, view.candidate)
-        labels = view.labels[slots]
-        rarity = 1.0 / np.maximum(view.counts, 1)
-        worth = np.where(labels == 1, rarity[..., 1], np.where(labels == 0, rarity[..., 0], 0.0)).sum((1, 2))
-        positive = (labels == 1).any((1, 2))
-        if positive[:-1].mean() < self._floor and not positive.all():
-            worth[positive] = np.inf
-        return int(slots[worth.argmin()])
+    def __call__(self, view: MemoryView, random: np.random.Generator) -> int | None:
+        """The place of the frame that is worth least, of 64 drawn at random and the newcomer."""
+        drawn = places(random, len(view.memory), _CANDIDATES)
+        slots = np.empty(_CANDIDATES + 1, np.int64)
+        slots[:-1], slots[-1] = view.memory[drawn], view.candidate
+        kernels = KERNELS.get()
+        leaves = (poorest if kernels is None else kernels.poorest)(slots, view.labels, view.counts, self._floor)
+        return int(drawn[leaves]) if leaves < _CANDIDATES else None
+
+
+def poorest(slots: NDArray[np.int64], labels: NDArray[np.int8], counts: Counts, positives_floor: float) -> int:
+    """Which of `slots` (N,), the last of them the newcomer's, is worth least; see `Balanced` and `MemoryView`."""
+    rows = labels[slots]
+    rarity = _UNIQUE // np.maximum(counts, 1)
+    worth = np.where(rows == 1, rarity[1], np.where(rows == 0, rarity[0], 0)).sum(1)
+    positive = (rows == 1).any(1)
+    if positive[:-1].sum() < positives_floor * (len(slots) - 1) and not positive.all():
+        worth[positive] = np.iinfo(np.int64).max
+    return int(worth.argmin())
 
 
 class Reservoir:
@@ -73,22 +86,31 @@ class Reservoir:
     def __init__(self, positives_floor: float) -> None:
         del positives_floor  # every frame alike is the whole point
 
-    def __call__(self, view: MemoryView, random: np.random.Generator) -> int:
-        """The slot that leaves."""
+    def __call__(self, view: MemoryView, random: np.random.Generator) -> int | None:
+        """A place drawn at random, the more often None the more frames there have been."""
         drawn = int(random.integers(0, view.offered))
-        return int(view.memory[drawn]) if drawn < len(view.memory) else view.candidate
+        return drawn if drawn < len(view.memory) else None
 
 
 class Fifo:
-    """The oldest frame leaves."""
+    """The oldest frame leaves.
+
+    Newcomers take the oldest one's place, so the memory is a ring, and the next place has the next oldest. One that
+    was filled under another policy is one after its first round.
+    """
 
     def __init__(self, positives_floor: float) -> None:
         del positives_floor  # age is all that counts
+        self._next: int | None = None
 
-    def __call__(self, view: MemoryView, random: np.random.Generator) -> int:
-        """The slot that leaves."""
+    def __call__(self, view: MemoryView, random: np.random.Generator) -> int | None:
+        """The place after the last."""
         del random
-        return int(view.memory[view.ids[view.memory].argmin()])
+        if self._next is None:
+            self._next = int(view.ids[view.memory].argmin())
+        place = self._next % len(view.memory)
+        self._next = place + 1
+        return place
 
 
 POLICIES: dict[str, Callable[[float], Policy]] = {"balanced": Balanced, "reservoir": Reservoir, "fifo": Fifo}

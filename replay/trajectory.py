@@ -7,47 +7,27 @@ the run.
 """
 
 import logging
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from replay.clock import Clock, Clocks
-from replay.labels import UNKNOWN, Matcher, nearest_first
+from replay.compiled_labels import Solvers
 from replay.poses import Floats
 from replay.ring import Ring
 from replay.rule import LabelRule, OdometryLimits
+from replay.solver import Store
 from replay.targets import Targets
-from replay.track import Moments, Track
-from replay.uncertainty import SUMS, StepNoise
+from replay.uncertainty import StepNoise
+from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, eq=False)
-class LabelUpdate:
-    """What has become known of one frame.
-
-    Attributes:
-        frame_id: as given to `add_frame`.
-        t_ns: the frame's time.
-        labels: (T, S) int8, all of the frame's labels so far: 1, 0, -1 unknown.
-        weight: (T, S) float32 in [0, 1]; 0 where unknown.
-        picture: the frame's picture, with the first update that has a known label; None in every other.
-        closed: the window has passed; this is the frame's last update.
-        posed: odometry told where the frame was taken.
-    """
-
-    frame_id: int
-    t_ns: int
-    labels: NDArray[np.int8]
-    weight: NDArray[np.float32]
-    picture: NDArray[np.uint8] | None
-    closed: bool
-    posed: bool
+#: Who asks for closed frames alone is given those of so long at once.
+_CLOSED_EVERY_NS = 1_000_000_000
 
 
 class TrajectoryStore:
@@ -61,6 +41,7 @@ class TrajectoryStore:
         limits: when odometry can be trusted.
         noise: of odometry steps, wanted for `rule.window == "drift"`.
         budget_bytes: frames waiting beyond this are closed early, oldest first, and counted.
+        only_closed: hand out a frame once, when it closes: for those who read a whole recording anyway.
 
     >>> store = TrajectoryStore(Targets.line(0.0, 0.2, 0.1), [[0]], LabelRule(0.02, window_s=5.0), OdometryLimits())
     >>> for i in range(4):
@@ -83,36 +64,21 @@ class TrajectoryStore:
         limits: OdometryLimits,
         noise: StepNoise | None = None,
         budget_bytes: int = 256_000_000,
+        *,
+        only_closed: bool = False,
     ) -> None:
-        if rule.window == "drift" and noise is None:
-            raise ValueError('rule.window = "drift" needs the noise of odometry steps, got noise=None')
-        self._streams = [np.array(stream, np.int64) for stream in streams]
-        self._sensors = 1 + max(int(stream.max()) for stream in self._streams)
-        self._targets = len(targets)
-        self._rule, self._limits = rule, limits
-        self._matcher = Matcher(targets, rule)
-        self._track = Track(limits, noise if rule.window == "drift" else None)
-        self._budget_bytes = budget_bytes
-        moment: dict[str, tuple[type[np.generic], tuple[int, ...]]] = {
-            "pose": (np.float64, (3,)),
-            "trajectory": (np.int64, ()),
-            "sums": (np.float64, (SUMS,)),
-        }
-        self._readings = [Ring({**moment, "bits": (np.int8, (len(stream),))}) for stream in self._streams]
-        slots, labels = (len(self._streams), self._targets), (self._targets, self._sensors)
-        self._frames = Ring(
-            {
-                **moment,
-                "id": (np.int64, ()),
-                "best": (np.float64, slots),  # distance of the reading that labels each target now
-                "best_t_ns": (np.int64, slots),
-                "labels": (np.int8, labels),
-                "weight": (np.float32, labels),
-            }
-        )
+        store = Store.empty(targets, streams, rule, limits, noise)
+        self._track, self._readings, self._frames, _ = store
+        self._rule, self._limits, self._solvers = rule, limits, Solvers(store)
+        self._shape = (len(targets), store.frames.columns.labels.shape[2])
+        self.nothing = Updates.none(self._shape)
+        self._budget_bytes, self._only_closed = budget_bytes, only_closed
         self._pictures: dict[int, NDArray[np.uint8]] = {}
         self._picture_bytes = 0
+        self._frame_bytes = self._frames.row_bytes
         self._clock = Clock(limits.max_delay_s)
+        self._watermark_ns = self._clock.watermark_ns
+        self._settled_ns = self._final_ns()
         self.drops: Counter[str] = Counter()
 
     # --- what a roboticist asks of it
@@ -125,15 +91,14 @@ class TrajectoryStore:
     @property
     def sizes(self) -> dict[str, int]:
         """Rows of every ring, and the bytes that pictures hold."""
-        readings = sum(len(ring) for ring in self._readings)
         return {
             "frames": len(self._frames),
-            "readings": readings,
+            "readings": len(self._readings),
             "odometry": len(self._track),
             "picture_bytes": self._picture_bytes,
         }
 
-    def add_odometry(self, t_ns: int, pose: Floats, covariance: NDArray[np.float64] | None = None) -> list[LabelUpdate]:
+    def add_odometry(self, t_ns: int, pose: Floats, covariance: NDArray[np.float64] | None = None) -> Updates:
         """Take in where the robot believes it is.
 
         Args:
@@ -141,47 +106,47 @@ class TrajectoryStore:
             pose: (3,) `[x_m, y_m, yaw_rad]`.
             covariance: (3, 3) of that pose, accumulated; None where the robot gives none.
         """
-        if not (np.isfinite(pose).all() and (covariance is None or np.isfinite(covariance).all())):
+        numbers = pose.tolist()
+        if not (math.isfinite(sum(numbers)) and (covariance is None or math.isfinite(covariance.sum()))):
             self.drops["odometry: not a number"] += 1
-            return []
+            return self.nothing
         restarted = self._mind_the_clocks(t_ns)
-        if not self._in_time(t_ns, "odometry") or self._repeated(self._track, t_ns, "odometry"):
+        if not self._in_time(t_ns, "odometry") or self._repeated(self._track.has(t_ns), "odometry"):
             return restarted
         self._clock.heard_odometry(t_ns)
-        before, after, rejoined = self._track.add(t_ns, pose, covariance)
-        return restarted + self._settle(before, after, rejoined)
+        settled = self._track.add(t_ns, numbers, covariance)
+        updates = self._hand_out(self._solvers.now.take_odometry(settled), posed=True)
+        return Updates.joined([restarted, updates]) if restarted else updates
 
-    def add_reading(self, t_ns: int, stream: int, bits: NDArray[np.int8]) -> list[LabelUpdate]:
+    def add_reading(self, t_ns: int, stream: int, bits: NDArray[np.int8]) -> Updates:
         """Take in what the sensors of a stream said: `bits` (sensors of the stream,) int8, 1, 0 or -1 unknown."""
-        ring = self._readings[stream]
-        if not self._in_time(t_ns, "reading") or self._repeated(ring, t_ns, "reading"):
-            return []
+        same = self._readings.has(t_ns) and stream in self._readings.columns.stream[self._readings.at(t_ns)]
+        if not self._in_time(t_ns, "reading") or self._repeated(same, "reading"):
+            return self.nothing
         self._clock.heard_other(t_ns)
-        row = ring.insert(t_ns, {"bits": bits, "trajectory": -1})
-        self._pose(ring, slice(row, row + 1))
-        return self._emit(self._offer(stream, row)) + self._close()
+        row = self._readings.insert(t_ns)
+        readings = self._readings.columns
+        readings.stream[row], readings.bits[row, : len(bits)] = stream, bits
+        return self._hand_out(self._solvers.now.take_reading(row))
 
-    def add_frame(self, frame_id: int, t_ns: int, picture: NDArray[np.uint8]) -> list[LabelUpdate]:
+    def add_frame(self, frame_id: int, t_ns: int, picture: NDArray[np.uint8]) -> Updates:
         """Take in a frame; `frame_id` must be new. One that comes too late is closed at once."""
         if not self._in_time(t_ns, "frame"):
-            shape = (self._targets, self._sensors)
-            unknown = np.full(shape, UNKNOWN, np.int8)
-            return [LabelUpdate(frame_id, t_ns, unknown, np.zeros(shape, np.float32), None, closed=True, posed=False)]
+            return Updates.lost(frame_id, t_ns, self._shape)
         self._clock.heard_other(t_ns)
         self._pictures[frame_id] = picture
         self._picture_bytes += picture.nbytes
-        row = self._frames.insert(t_ns, {"id": frame_id, "trajectory": -1, "labels": UNKNOWN, "best": np.inf})
-        self._pose(self._frames, slice(row, row + 1))
-        self._resolve(row)
-        return self._emit(np.array([row])) + self._close()
+        row = self._frames.insert(t_ns)
+        self._frames.columns.frame_id[row] = frame_id
+        return self._hand_out(self._solvers.now.take_frames(row, row + 1))
 
-    def end_trajectory(self) -> list[LabelUpdate]:
+    def end_trajectory(self) -> Updates:
         """Close every frame and forget all readings: a new recording, or a robot that was carried off."""
-        updates = self._closing(len(self._frames))
-        for ring in self._readings:
-            ring.clear()
+        updates = self._collect(self._frames.stop)
+        self._readings.clear()
         self._track.clear()
         self._clock.reset()
+        self._watermark_ns, self._settled_ns = self._clock.watermark_ns, self._final_ns()
         return updates
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -207,15 +172,14 @@ class TrajectoryStore:
         }
         self._picture_bytes = sum(picture.nbytes for picture in self._pictures.values())
         self._clock.restore(state["clock"])
+        self._watermark_ns, self._settled_ns = self._clock.watermark_ns, self._final_ns()
 
-    def _parts(self) -> dict[str, Ring | Track]:
-        readings = {f"readings{index}": ring for index, ring in enumerate(self._readings)}
-        return {"frames": self._frames, "odometry": self._track, **readings}
+    def _parts(self) -> dict[str, Ring[Any]]:
+        return {"frames": self._frames, "odometry": self._track, "readings": self._readings}
 
     # --- time
 
-    @property
-    def _settled_ns(self) -> int:
+    def _final_ns(self) -> int:
         """Every pose before this is final: no sample that may still arrive can lie around it."""
         watermark = self._clock.watermark_ns
         without_odometry = watermark - round(self._limits.max_gap_s * 1e9)
@@ -227,18 +191,18 @@ class TrajectoryStore:
             return False
         return True
 
-    def _repeated(self, ring: Ring | Track, t_ns: int, what: str) -> bool:
-        if repeated := ring.has(t_ns):
+    def _repeated(self, repeated: bool, what: str) -> bool:
+        if repeated:
             self.drops[f"{what}: its time was there already"] += 1
         return repeated
 
-    def _mind_the_clocks(self, t_ns: int) -> list[LabelUpdate]:
+    def _mind_the_clocks(self, t_ns: int) -> Updates:
         """A clock that was set would make every odometry message late for ever: begin a new trajectory instead."""
         clocks, off_s = self._clock.judge(t_ns)
         if clocks is Clocks.APART:
             self.drops["clock: camera or short range are ahead of the odometry by more than 10 s"] += 1
         if clocks is not Clocks.SET_BACK:
-            return []
+            return self.nothing
         _LOG.warning(
             "the odometry clock jumped back by %.3f s: the trajectory ends here and %d waiting frames are closed; "
             "if this repeats, look for two publishers on the odometry topic or a clock that is being set",
@@ -247,141 +211,50 @@ class TrajectoryStore:
         )
         return self.end_trajectory()
 
-    # --- resolving
-
-    def _settle(self, before_ns: int, after_ns: int, rejoined: bool) -> list[LabelUpdate]:
-        """Odometry has settled or changed the poses strictly inside an interval, or how trajectories join."""
-        if rejoined:
-            return self._resolve_all()
-        times = self._frames["t_ns"]
-        inside = slice(int(np.searchsorted(times, before_ns, "right")), int(np.searchsorted(times, after_ns, "left")))
-        self._pose(self._frames, inside)
-        stale = np.zeros(len(self._frames), np.bool_)
-        stale[inside] = True
-        moved: list[tuple[int, slice]] = []
-        late = after_ns < np.iinfo(np.int64).max
-        for stream, ring in enumerate(self._readings):
-            at = ring["t_ns"]
-            rows = slice(int(np.searchsorted(at, before_ns, "right")), int(np.searchsorted(at, after_ns, "left")))
-            if late:  # a frame that such a reading labels already must look for its nearest afresh
-                best_t_ns = self._frames["best_t_ns"][:, stream]
-                labelled = np.isfinite(self._frames["best"][:, stream])
-                stale |= (labelled & (best_t_ns > before_ns) & (best_t_ns < after_ns)).any(1)
-            self._pose(ring, rows)
-            moved.append((stream, rows))
-        for row in np.flatnonzero(stale):
-            self._resolve(int(row))
-        changed = [np.flatnonzero(stale)]
-        changed += [self._offer(stream, row) for stream, rows in moved for row in range(rows.start, rows.stop)]
-        return self._emit(np.unique(np.concatenate(changed))) + self._close()
-
-    def _resolve_all(self) -> list[LabelUpdate]:
-        """A late sample has changed which poses may be joined: take every waiting frame again."""
-        for ring in (self._frames, *self._readings):
-            self._pose(ring, slice(0, len(ring)))
-        for row in range(len(self._frames)):
-            self._resolve(row)
-        return self._emit(np.arange(len(self._frames))) + self._close()
-
-    def _pose(self, ring: Ring, rows: slice) -> None:
-        """Set where the robot was at the rows' times."""
-        moments = self._track.at(ring["t_ns"][rows])
-        ring["pose"][rows], ring["trajectory"][rows], ring["sums"][rows] = (
-            moments.pose,
-            moments.trajectory,
-            moments.sums,
-        )
-
-    def _resolve(self, row: int) -> None:
-        """Take a frame's labels afresh from all readings kept."""
-        frames, t_ns = self._frames, int(self._frames["t_ns"][row])
-        frames["best"][row], frames["labels"][row], frames["weight"][row] = np.inf, UNKNOWN, 0.0
-        frame = _moments(frames, slice(row, row + 1))
-        for stream, (ring, sensors) in enumerate(zip(self._readings, self._streams, strict=True)):
-            window = ring.between(t_ns - self._rule.window_ns, t_ns + self._rule.window_ns)
-            found = self._matcher.match(frame, _moments(ring, window))
-            times = ring["t_ns"][window][found.pair]
-            won = nearest_first(found.target, found.distance, np.abs(times - t_ns), times)
-            bits = ring["bits"][window][found.pair[won]]
-            target = found.target[won]
-            frames["best"][row, stream, target] = found.distance[won]
-            frames["best_t_ns"][row, stream, target] = times[won]
-            frames["labels"][row][target[:, None], sensors] = bits
-            frames["weight"][row][target[:, None], sensors] = np.where(bits == UNKNOWN, 0, found.weight[won, None])
-
-    def _offer(self, stream: int, row: int) -> NDArray[np.int64]:
-        """Hold one reading against the frames waiting; the rows of those whose labels it changed."""
-        ring, frames, sensors = self._readings[stream], self._frames, self._streams[stream]
-        t_ns, bits = int(ring["t_ns"][row]), ring["bits"][row]
-        window = frames.between(t_ns - self._rule.window_ns, t_ns + self._rule.window_ns)
-        found = self._matcher.match(_moments(frames, window), _moments(ring, slice(row, row + 1)))
-        frame, target = found.pair + window.start, found.target
-        best, best_t_ns = frames["best"][frame, stream, target], frames["best_t_ns"][frame, stream, target]
-        frame_t_ns = frames["t_ns"][frame]
-        apart, best_apart = np.abs(t_ns - frame_t_ns), np.abs(best_t_ns - frame_t_ns)
-        sooner = (apart < best_apart) | ((apart == best_apart) & (t_ns < best_t_ns))
-        won = (found.distance < best) | ((found.distance == best) & sooner)
-        frame, target = frame[won], target[won]
-        frames["best"][frame, stream, target] = found.distance[won]
-        frames["best_t_ns"][frame, stream, target] = t_ns
-        weight = np.where(bits == UNKNOWN, np.float32(0), found.weight[won, None])
-        at = (frame[:, None], target[:, None], sensors)
-        changed = ((frames["labels"][at] != bits) | (frames["weight"][at] != weight)).any(1)
-        frames["labels"][at] = bits
-        frames["weight"][at] = weight
-        return np.unique(frame[changed])
-
     # --- handing out, closing, forgetting
 
-    def _emit(self, rows: NDArray[np.int64]) -> list[LabelUpdate]:
-        """Updates of the rows that have, or had, a known label."""
-        updates: list[LabelUpdate] = []
-        for row in rows:
-            frame_id = int(self._frames["id"][row])
-            known = bool((self._frames["labels"][row] != UNKNOWN).any())
-            if known or frame_id not in self._pictures:
-                updates.append(self._update(int(row), self._take_picture(frame_id), closed=False))
-        return updates
+    def _hand_out(self, changed: bool, *, posed: bool = False) -> Updates:
+        """What became known, and the frames whose window has passed or that the budget has no room for.
 
-    def _update(self, row: int, picture: NDArray[np.uint8] | None, *, closed: bool) -> LabelUpdate:
-        frames = self._frames
-        return LabelUpdate(
-            int(frames["id"][row]),
-            int(frames["t_ns"][row]),
-            frames["labels"][row].copy(),
-            frames["weight"][row].copy(),
-            picture,
-            closed,
-            bool(frames["trajectory"][row] >= 0),
-        )
-
-    def _take_picture(self, frame_id: int) -> NDArray[np.uint8] | None:
-        picture = self._pictures.pop(frame_id, None)
-        self._picture_bytes -= 0 if picture is None else picture.nbytes
-        return picture
-
-    def _close(self) -> list[LabelUpdate]:
-        """Close the frames whose window has passed, or that the budget has no room for; forget what none needs."""
-        settled = self._settled_ns
-        passed = int(np.searchsorted(self._frames["t_ns"], settled - self._rule.window_ns, "left"))
-        room = max(self._budget_bytes - self._picture_bytes, 0) // self._frames.row_bytes
-        early = max(len(self._frames) - room - passed, 0)
+        `posed`: there is new odometry.
+        """
+        watermark_ns = self._clock.watermark_ns
+        if self._only_closed and 0 <= watermark_ns - self._watermark_ns < _CLOSED_EVERY_NS:
+            return self.nothing
+        if posed or watermark_ns != self._watermark_ns:
+            self._watermark_ns = watermark_ns
+            self._settle()
+        closing = self._frames.passed(self._settled_ns - self._rule.window_ns)
+        early = self._frames.stop - closing - (self._budget_bytes - self._picture_bytes) // self._frame_bytes
+        early = min(max(early, 0), self._frames.stop - closing)
         if early:
             self.drops["frame: closed before its window passed, for want of memory.store_mb"] += early
-        updates = self._closing(passed + early)
-        keep_from = settled - 2 * self._rule.window_ns
-        for ring in self._readings:
-            ring.drop(int(np.searchsorted(ring["t_ns"], keep_from, "left")))
+        closing += early
+        updates = self.nothing
+        if closing > self._frames.start or (changed and not self._only_closed):
+            updates = self._collect(closing)
+        return updates
+
+    def _settle(self) -> None:
+        """Note how far poses are final, and forget the readings and samples that no frame can ask for any more."""
+        self._settled_ns = self._final_ns()
+        window_ns, frames = self._rule.window_ns, self._frames
+        oldest_ns = frames.columns.t_ns.item(frames.start) if len(frames) else self._settled_ns
+        keep_from = min(self._settled_ns - window_ns, oldest_ns) - window_ns
+        self._readings.drop_before(self._readings.passed(keep_from))
         self._track.forget_before(keep_from)
-        return updates
 
-    def _closing(self, rows: int) -> list[LabelUpdate]:
-        updates = [self._update(row, None, closed=True) for row in range(rows)]
-        for update in updates:
-            self._take_picture(update.frame_id)
-        self._frames.drop(rows)
-        return updates
+    def _collect(self, closing: int) -> Updates:
+        """Updates of what changed, and of the rows before `closing`, which leave."""
+        found = self._solvers.now.collect(closing, only_closed=self._only_closed)
+        pictures = {frame_id: self._take_picture(frame_id) for frame_id in found.frame_ids[found.first].tolist()}
+        for frame_id in found.frame_ids[found.closed & ~found.first].tolist():
+            if frame_id in self._pictures:
+                self._take_picture(frame_id)
+        self._frames.drop_before(closing)
+        return Updates(found.frame_ids, found.t_ns, found.labels, found.weight, found.closed, found.posed, pictures)
 
-
-def _moments(ring: Ring, rows: slice) -> Moments:
-    return Moments(ring["pose"][rows], ring["trajectory"][rows], ring["sums"][rows])
+    def _take_picture(self, frame_id: int) -> NDArray[np.uint8]:
+        picture = self._pictures.pop(frame_id)
+        self._picture_bytes -= picture.nbytes
+        return picture

@@ -10,7 +10,7 @@ from agents.offline import labelled_frames
 from agents.progress import track_files
 from agents.tables import print_score
 from llrp_online import checkpoint
-from llrp_online.configuration import RobotConfiguration, load
+from llrp_online.configuration import RobotConfiguration
 from llrp_online.scoring import Exam
 
 _LOG = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Evaluate and print."""
-    configuration = load(arguments.config)
+    configuration = options.load_configuration(arguments)
     tensors, manifest = checkpoint.load(arguments.checkpoint)
     checkpoint.must_fit(arguments.checkpoint, manifest, configuration.model_dump(mode="json"))
     exam = exam_of(configuration, arguments.recordings)

@@ -16,6 +16,7 @@ from agents.run_folder import RunFolder
 from agents.tables import print_bands, print_score
 from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
+from replay import compiling
 
 _LOG = logging.getLogger(__name__)
 
@@ -46,6 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.recordings is None and arguments.held_out:
         raise ValueError("--held-out goes with --recordings; live, use `llrp evaluate RUN/minutes/...` afterwards")
     options.make_folder(arguments.output)
+    if arguments.recordings is None:
+        compiling.never_wait()
     learner = Learner(options.load_configuration(arguments))
     if arguments.resume:
         learner.load(arguments.resume)

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from llrp_online.configuration import RobotConfiguration, load
+from replay import compiling
 
 _SCENARIOS = Path("configs/scenarios")
 
@@ -31,6 +32,7 @@ def add_agent(parser: argparse.ArgumentParser, default: str | None = None) -> No
 def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
     """The configuration, with what the command line says instead: --endpoint, and a learner's --seed."""
     configuration = load(arguments.config)
+    compiling.use(configuration.compute.compiled)
     if getattr(arguments, "endpoint", None):
         transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
         configuration = configuration.model_copy(update={"transport": transport})

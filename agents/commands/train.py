@@ -11,7 +11,7 @@ from agents.commands import options
 from agents.offline import labelled_frames
 from agents.progress import track, track_files
 from llrp_online import checkpoint
-from llrp_online.configuration import RobotConfiguration, load
+from llrp_online.configuration import RobotConfiguration
 from llrp_online.digest import weights_sha256
 from llrp_online.trainer import Trainer
 from replay.buffer import BufferSettings, ReplayBuffer
@@ -34,7 +34,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Label, train, save."""
-    configuration = load(arguments.config)
+    configuration = options.load_configuration(arguments)
     options.make_folder(arguments.output.parent)
     checkpoint.must_be_free(arguments.output)
     buffer = remember(configuration, arguments.recordings)
@@ -102,4 +102,4 @@ def save(path: Path, configuration: RobotConfiguration, trainer: Trainer, buffer
         "memory_random": buffer.random_state(),
         "next_id": int(memory["ids"].max(initial=-1)) + 1,
     }
-    checkpoint.save(path, tensors, manifest)
+    checkpoint.save(path, tensors, manifest, {"frames": buffer.shards()})

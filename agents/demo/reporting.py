@@ -13,11 +13,11 @@ from agents.offline import LabelledFrame, labelled_frames
 from agents.robots.simulated import load_scenario
 from agents.run_folder import RunFolder
 from agents.simulated_drive import record_drive
+from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Reading
 from llrp_online.report import Example, Report, versions, write
 from llrp_online.scoring import Exam
-from llrp_online.trainer import Weights
 from replay.recording import read
 
 #: The held-out layout's seed lies this far from the run's.

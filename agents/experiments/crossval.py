@@ -19,6 +19,7 @@ from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Score
 from llrp_online.scoring import mean_auc
+from replay import compiling
 
 _OURS, _PAPER, _ONE_OUT = "our recipe, two scenarios out", "the paper's recipe, two out", "our recipe, one out"
 #: AUC to reach, mean over 0 to 25 cm and at 4 to 8 cm by the sensor in the middle.
@@ -85,6 +86,7 @@ def train(
 ) -> Result:
     """Train offline on drives; the score on each drive left out, with intervals: name -> score."""
     form = RobotConfiguration.model_validate(configuration)
+    compiling.use(form.compute.compiled)
     trainer, _ = trained(form, remember(form, [Drive.of(drive).recorded(folder) for drive in learned]), steps)
     weights = trainer.weights()
     return {

@@ -15,6 +15,7 @@ from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
 from llrp_online.scoring import Exam, mean_auc
 from llrp_online.trainer import Weights
+from replay import compiling
 
 #: Targets no farther than this make the means: as far as the paper's camera sees, and the nearer part.
 FAR_M, NEAR_M = 0.25, 0.15
@@ -102,6 +103,7 @@ def learn(
         `weights_sha256` of the end.
     """
     form = RobotConfiguration.model_validate(configuration)
+    compiling.use(form.compute.compiled)
     learner, marks = Learner(form), list[Result]()
     if start is not None:
         begun = Start.of(start)

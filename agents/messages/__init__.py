@@ -5,9 +5,10 @@ sensor's clock, in the message's header.
 """
 
 from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns
-from agents.messages.pictures import compressed_image, image, picture
+from agents.messages.pictures import compressed_image, image, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
-from agents.messages.poses import odometry, odometry_sample
+from agents.messages.poses import odometry, odometry_sample, quick_odometry
+from agents.messages.shortcut import flat_scan
 from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, twist
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "definition",
     "diagnostic_array",
     "encode",
+    "flat_scan",
     "header",
     "image",
     "labels",
@@ -27,6 +29,8 @@ __all__ = [
     "odometry_sample",
     "picture",
     "prediction",
+    "quick_odometry",
+    "quick_picture",
     "read_diagnostics",
     "read_labels",
     "read_prediction",

@@ -1,20 +1,18 @@
 """Reading MCAP: a stream in log-time order that holds no more than the chunks whose times overlap."""
 
 import logging
-from collections.abc import Iterator
+from bisect import bisect_left
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from heapq import heapify, heappop, heappush
-from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 
-from mcap.data_stream import ReadDataStream
-from mcap.records import Channel, Chunk, Schema
-from mcap.records import Message as Record
-from mcap.stream_reader import breakup_chunk
+from mcap.opcode import Opcode
 
 from replay.recording.message import Message, RecordingError
-from replay.recording.scan import HEAD, Piece, scan
+from replay.recording.records import Definitions, messages_in, records_of, spans
+from replay.recording.scan import Piece, scan
 
 logger = logging.getLogger(__name__)
 
@@ -69,13 +67,10 @@ class Reader(Iterator[Message]):
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path)
-        self._schemas: dict[int, Schema] = {}
-        self._channels: dict[int, Channel] = {}
-        self._left_out: set[str] = set()
         try:
             with self._path.open("rb") as file:
                 layout = scan(file, self._path)
-                self._schemas, self._channels = layout.schemas, layout.channels
+                self._definitions = Definitions(self._path, layout.schemas, layout.channels)
                 self._pieces = layout.pieces
                 whole_bytes = layout.whole_bytes
                 if not layout.finished and not self._last_is_whole(file):
@@ -91,71 +86,56 @@ class Reader(Iterator[Message]):
         self.report = ReadReport(self._path, layout.size_bytes, whole_bytes, layout.finished, last_ns)
         if not layout.finished:
             logger.warning("%s", self.report)
-        self._messages = self._merge()
+        self._messages = self._in_order()
 
     def __next__(self) -> Message:
         message = next(self._messages)
         self.report.messages += 1
         return message
 
-    def _merge(self) -> Iterator[Message]:
-        """Opens a chunk when its first log time has come: a heap of unopened chunks and of the open ones' messages."""
-        heap: list[tuple[int, int, int, Piece | Record]] = [(p.start_ns, i, -1, p) for i, p in enumerate(self._pieces)]
-        heapify(heap)
+    def _in_order(self) -> Iterator[Message]:
+        """Opens a chunk when its first log time has come; only messages that a later chunk may precede wait for it."""
+        waiting: list[tuple[int, int, int, Message]] = []  # by log time, then as in the file
+        order = sorted(range(len(self._pieces)), key=lambda index: self._pieces[index].start_ns)
         with self._path.open("rb") as file:
-            while heap:
-                _, order, _, item = heappop(heap)
-                if isinstance(item, Piece):
-                    for index, record in enumerate(self._open(file, item)):
-                        heappush(heap, (record.log_time, order, index, record))
-                elif (message := self._message(item)) is not None:
+            for place in order:
+                due = bisect_left(waiting, (self._pieces[place].start_ns,))
+                for *_, message in waiting[:due]:
                     yield message
+                del waiting[:due]
+                for index, message in enumerate(self._open(file, self._pieces[place])):
+                    waiting.append((message.log_ns, place, index, message))
+                waiting.sort()
+        for *_, message in waiting:
+            yield message
 
-    def _open(self, file: BinaryIO, piece: Piece) -> list[Record]:
+    def _open(self, file: BinaryIO, piece: Piece) -> list[Message]:
         """The messages of a chunk; what it defines is remembered."""
+        with self._named(piece):
+            return messages_in(records_of(file, piece), self._definitions)
+
+    def _last_is_whole(self, file: BinaryIO) -> bool:
+        """After a power cut the last chunk may have its length and not its content."""
+        if not self._pieces:
+            return True
         try:
-            file.seek(piece.offset + HEAD.size)
-            stream = ReadDataStream(BytesIO(file.read(piece.length)))
-            if not piece.is_chunk:
-                return [Record.read(stream, piece.length)]
-            records = breakup_chunk(Chunk.read(stream), validate_crc=True)
-        except OSError:
+            with self._named(self._pieces[-1]):
+                return any(opcode == Opcode.MESSAGE for opcode, *_ in list(spans(records_of(file, self._pieces[-1]))))
+        except RecordingError:
+            return False
+
+    @contextmanager
+    def _named(self, piece: Piece) -> Generator[None]:
+        """Damaged bytes can make the decompressor and the record parsers raise almost anything: one error for all."""
+        try:
+            yield
+        except (OSError, RecordingError):
             raise
-        # Damaged bytes can make the decompressor and the record parsers raise almost anything.
         except Exception as error:
             raise RecordingError(
                 f"{self._path}: damaged: the chunk at byte {piece.offset} cannot be read "
                 f"({type(error).__name__}: {error}); copy the file again from where it was recorded"
             ) from error
-        for record in records:
-            if isinstance(record, Schema):
-                self._schemas[record.id] = record
-            elif isinstance(record, Channel):
-                self._channels[record.id] = record
-        return [record for record in records if isinstance(record, Record)]
-
-    def _last_is_whole(self, file: BinaryIO) -> bool:
-        """After a power cut the last chunk may have its length and not its content."""
-        try:
-            return not self._pieces or bool(self._open(file, self._pieces[-1]))
-        except RecordingError:
-            return False
-
-    def _message(self, record: Record) -> Message | None:
-        channel = self._channels.get(record.channel_id)
-        schema = self._schemas.get(channel.schema_id) if channel is not None else None
-        if channel is None or schema is None:
-            raise RecordingError(
-                f"{self._path}: damaged: a message of channel {record.channel_id}, which has no definition before it; "
-                "copy the file again from where it was recorded"
-            )
-        if channel.message_encoding != "cdr":
-            if channel.topic not in self._left_out:
-                self._left_out.add(channel.topic)
-                encoding = channel.message_encoding
-                logger.warning("%s: %s: left out: expected cdr, got %r", self._path, channel.topic, encoding)
-            return None
-        return Message(channel.topic, schema.name, record.log_time, record.data)
 
 
 def read(path: str | Path) -> Reader:

@@ -264,7 +264,7 @@ def test_a_recording_without_a_label_teaches_nothing_and_that_is_said(llrp, conf
     assert (found["known_labels"], found["steps"]) == (0, 0)
     checkpoint = tmp_path / "run" / "checkpoint"
     said = llrp("evaluate", checkpoint, path, "--config", far, "--json")
-    assert said.code == 0
+    assert said.code == 0, said.err
     assert json.loads(said.out)["pooled_auc"] is None
     assert "no label became known, so every score is blank: see `llrp check` for the likely cause" in said.err
     said = llrp("train", path, "--config", far, "--output", tmp_path / "trained")
@@ -305,7 +305,7 @@ def test_a_checkpoint_of_a_like_robot_with_other_targets_is_not_evaluated(llrp, 
     ids=lambda words: words[0],
 )
 def test_an_output_that_cannot_be_written_is_named_before_the_work(llrp, whole, config, tmp_path, monkeypatch, words):
-    monkeypatch.setattr("agents.commands.label.labelled_frames", lambda *_: pytest.fail("it has begun"))
+    monkeypatch.setattr("agents.commands.label.labels_of", lambda *_: pytest.fail("it has begun"))
     monkeypatch.setattr("agents.commands.train.labelled_frames", lambda *_: pytest.fail("it has begun"))
     monkeypatch.setattr("agents.commands.learn.learn_over", lambda *_: pytest.fail("it has begun"))
     file = tmp_path / "a_file"

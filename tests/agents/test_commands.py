@@ -12,6 +12,7 @@ import pytest
 from agents import messages
 from agents.cli import main
 from llrp_online import checkpoint
+from replay.compiling import Compiled
 from replay.recording import Writer, read
 
 ROOT = Path(__file__).parents[2]
@@ -312,3 +313,22 @@ sys.exit(f"loaded: {heavy}" if heavy else 0)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=ROOT)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_configuration_decides_about_compiled_code(tmp_path):
+    config = tmp_path / "plain.toml"
+    config.write_text(Path("configs/thymio.toml").read_text() + "\n[compute]\ncompiled = false\n")
+    kernels = Compiled("agents.robots.simulated.kernels")
+    for name, there in ((str(config), False), ("configs/thymio.toml", True)):
+        words = [
+            "record",
+            "--simulate",
+            "--minutes",
+            "0.01",
+            "--config",
+            name,
+            "--output",
+            str(tmp_path / f"{there}.mcap"),
+        ]
+        assert llrp(*words) == 0
+        assert (kernels.get() is not None) == there

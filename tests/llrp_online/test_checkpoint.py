@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from llrp_online import checkpoint
-from llrp_online.checkpoint import CheckpointError, load, save
+from llrp_online.checkpoint import CheckpointError, load, load_parts, save
 
 
 def content(value):
@@ -17,8 +17,13 @@ def content(value):
     return {"weights": weights, "memory": memory}, {"configuration": {"robot": "thymio"}, "value": value}
 
 
+def parts(value):
+    return {"frames": ({"pictures": np.full((2, 4), value, np.uint8)} for _ in range(2))}
+
+
 def value_in(path):
     tensors, manifest = load(path)
+    assert {int(part["pictures"][0, 0]) for part in load_parts(path, "frames")} <= {manifest["value"]}
     assert set(tensors) == {"weights", "memory"}
     assert tensors["weights"]["dense.weight"][0, 0] == tensors["memory"]["pictures"][0, 0, 0, 0] == manifest["value"]
     return manifest["value"]
@@ -81,21 +86,22 @@ def crash_after(monkeypatch, steps):
 
 def test_a_crash_at_any_moment_leaves_the_old_or_the_new(tmp_path):
     seen = []
-    for first in range(10):
-        for second in range(10):
+    for first in range(12):
+        for second in range(12):
             path = tmp_path / f"{first}-{second}" / "c"
-            save(path, *content(1))
+            save(path, *content(1), parts(1))
             value = 1
             # Two crashes in a row, so that a half-made directory is met too.
             for number, steps in ((2, first), (3, second)):
                 with pytest.MonkeyPatch.context() as monkeypatch:
                     crash_after(monkeypatch, steps)
                     try:
-                        save(path, *content(number))
+                        save(path, *content(number), parts(number))
                         finished = True
                     except Crash:
                         finished = False
                 found = value_in(path)
+                assert len(list(load_parts(path, "frames"))) == 2
                 assert found == number if finished else found in (value, number)
                 value = found
                 seen.append((finished, found))
@@ -103,6 +109,27 @@ def test_a_crash_at_any_moment_leaves_the_old_or_the_new(tmp_path):
             assert value_in(path) == 4
             assert [entry.name for entry in path.parent.iterdir()] == ["c"]
     assert {(False, 1), (False, 2), (False, 3), (True, 2), (True, 3)} <= set(seen)
+
+
+def test_parts_are_written_and_read_one_at_a_time(tmp_path):
+    path, staged = tmp_path / "c", tmp_path / ".c.new"
+
+    def frames():
+        for number in range(12):
+            written = [f"frames.{before}.safetensors" for before in range(number)]
+            assert sorted(file.name for file in staged.glob("frames.*")) == sorted(written)
+            yield {"pictures": np.full((3, 4), number, np.uint8)}
+
+    tensors, manifest = content(1)
+    save(path, tensors, manifest, {"frames": frames()})
+    assert set(load(path)[0]) == {"weights", "memory"}
+    assert [part["pictures"].max() for part in load_parts(path, "frames")] == list(range(12))
+    assert list(load_parts(path, "others")) == []
+    damage(path, "frames.11.safetensors", lambda data: data[:-1] + bytes([data[-1] ^ 1]))
+    with pytest.raises(CheckpointError, match=r"frames\.11\.safetensors: damaged: expected SHA-256"):
+        load(path)
+    with pytest.raises(CheckpointError, match="lower-case words"):
+        save(path, tensors, manifest, {"frames.1": frames()})
 
 
 def test_a_first_save_that_crashes_leaves_no_checkpoint(tmp_path):

@@ -26,7 +26,7 @@ def picture(t_ms, camera=0):
 
 def closed(labeller, stream):
     found = [update for event in stream for update in labeller.take(event).updates]
-    return {update.frame_id: update for update in found + labeller.end_trajectory() if update.closed}
+    return {update.frame_id: update for update in [*found, *labeller.end_trajectory()] if update.closed}
 
 
 def test_topics_are_streams_that_do_not_compete():

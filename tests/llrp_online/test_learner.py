@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from llrp_online import checkpoint
 from llrp_online.checkpoint import CheckpointError
 from llrp_online.digest import weights_sha256
 from llrp_online.events import Picture
@@ -80,8 +81,8 @@ def test_labels_in_memory_are_the_truth(grown):
             now = bits(event.pose[0])
         elif hasattr(event, "pixels"):
             truth[event.pixels.tobytes()] = now
-    state = grown.buffer.state()
-    for shown, labels in zip(state["pictures"], state["labels"], strict=True):
+    shards = list(grown.buffer.shards())
+    for shown, labels in (frame for shard in shards for frame in zip(shard["pictures"], shard["labels"], strict=True)):
         np.testing.assert_array_equal(labels[0], truth[shown.tobytes()])
 
 
@@ -179,8 +180,6 @@ def test_a_warm_start_can_do_without_memory(checkpoint_of_grown):
 
 def trained_offline(path, memory, frames):
     """A checkpoint such as `llrp train` writes: memory full to the brim, every frame used many times."""
-    from llrp_online import checkpoint
-
     config = configuration()
     settings = BufferSettings(round(config.memory.budget_mb * 1e6), 8, 0.0, max_uses=10**9, duplicate_distance=0.0)
     buffer, trainer = ReplayBuffer((16, 16, 3), (3, 2), settings), Trainer(config)
@@ -192,7 +191,7 @@ def trained_offline(path, memory, frames):
         buffer.sample(4096)
     tensors = {"weights": trainer.weights(), "memory": buffer.state()}
     manifest = {"configuration": config.model_dump(mode="json"), "version": 1, "memory_random": buffer.random_state()}
-    checkpoint.save(path, tensors, {**manifest, "next_id": buffer.capacity})
+    checkpoint.save(path, tensors, {**manifest, "next_id": buffer.capacity}, {"frames": buffer.shards()})
     return buffer
 
 
@@ -202,6 +201,20 @@ def test_memory_that_was_trained_on_offline_can_be_learned_from(tmp_path):
     learner.warm_start(tmp_path / "c")
     assert learner.buffer.settings.max_uses < 20 * 4096 / 100
     assert len({shown.tobytes() for shown in learner.buffer.sample(256).pictures}) > 50
+
+
+def test_an_older_checkpoint_with_its_frames_in_one_piece_is_gone_on_from(tmp_path, short):
+    short.save(tmp_path / "new")
+    tensors, manifest = checkpoint.load(tmp_path / "new")
+    (frames,) = checkpoint.load_parts(tmp_path / "new", "frames")
+    old = {name: tensors["memory"][name] for name in ("ids", "uses", "recent", "offered")}
+    checkpoint.save(tmp_path / "old", {**tensors, "memory": {**old, **frames}}, manifest)
+    learner = Learner(configuration())
+    learner.load(tmp_path / "old")
+    assert learner.buffer.sizes == short.buffer.sizes
+    np.testing.assert_array_equal(learner.buffer.class_counts, short.buffer.class_counts)
+    np.testing.assert_array_equal(next(learner.buffer.shards())["pictures"], frames["pictures"])
+    assert learner.buffer.sample(64) is not None
 
 
 def test_memory_that_is_full_from_offline_has_room_for_new_frames(tmp_path):
@@ -348,3 +361,16 @@ def test_a_frame_is_not_trained_on_for_ever():
     assert 40 < learner.trainer.steps <= learner.status().labelled
     assert learner.pace.let_go == 0
     assert not learner.due()
+
+
+def test_frames_that_waited_in_another_version_are_refused(tmp_path, short):
+    short.save(tmp_path / "c")
+    tensors, manifest = checkpoint.load(tmp_path / "c")
+    tensors["pending"] = {name.replace("frames.", "frame."): array for name, array in tensors["pending"].items()}
+    parts = {"frames": checkpoint.load_parts(tmp_path / "c", "frames")}
+    checkpoint.save(tmp_path / "other", tensors, manifest, parts)
+    learner = Learner(configuration())
+    with pytest.raises(CheckpointError, match="another version of this program; use it for a warm start"):
+        learner.load(tmp_path / "other")
+    learner.warm_start(tmp_path / "other")
+    assert len(learner.buffer) == len(short.buffer)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from llrp_online.odometry import MotionNoise, WheelOdometry
+from llrp_online.motion_noise import MotionNoise
+from llrp_online.odometry import WheelOdometry
 from replay.poses import compose, wrap
 
 TRACK_M, DT_S, STEPS, RUNS = 0.095, 0.05, 120, 100
@@ -102,18 +103,19 @@ def test_wheel_odometry_says_what_it_expected():
         WheelOdometry(TRACK_M).step(-1, 0.1, 0.1)
 
 
-def test_motion_noise_grows_with_way_and_turn():
-    noise = MotionNoise(0.03, 0.04, 0.02)
-    steps = np.array([[[0.3, 0.4, 0.0], [0.0, 0.0, -2.0]], [[0.0, 0.0, 0.0], [-0.5, 0.0, 1.0]]])
-    heading, position = noise(steps)
-    np.testing.assert_allclose(heading, [[0.04**2 * 0.5, 0.03**2 * 2], [0, 0.04**2 * 0.5 + 0.03**2]])
-    assert position.shape == (2, 2, 2, 2)
-    np.testing.assert_allclose(position[0, 0], 0.02**2 * 0.5 * np.eye(2))
-    assert not position[0, 1].any()
+@pytest.mark.parametrize(
+    ("step", "heading", "position"),
+    [
+        ((0.3, 0.4, 0.0), 0.04**2 * 0.5, 0.02**2 * 0.5),
+        ((0.0, 0.0, -2.0), 0.03**2 * 2, 0.0),
+        ((0.0, 0.0, 0.0), 0.0, 0.0),
+        ((-0.5, 0.0, 1.0), 0.04**2 * 0.5 + 0.03**2, 0.02**2 * 0.5),
+    ],
+)
+def test_motion_noise_grows_with_way_and_turn(step, heading, position):
+    assert MotionNoise(0.03, 0.04, 0.02)(*step) == pytest.approx((heading, position, 0.0, position))
 
 
 def test_motion_noise_does_not_depend_on_how_a_way_is_cut():
     noise = MotionNoise(0.03, 0.04, 0.02)
-    whole, parts = noise([1.0, 0.0, 0.0]), noise(np.tile([0.1, 0.0, 0.0], (10, 1)))
-    np.testing.assert_allclose(whole[0], parts[0].sum(0))
-    np.testing.assert_allclose(whole[1], parts[1].sum(0))
+    assert noise(1.0, 0.0, 0.0) == pytest.approx(tuple(10 * part for part in noise(0.1, 0.0, 0.0)))

@@ -1,6 +1,7 @@
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,6 +52,18 @@ def test_new_weights_take_effect_and_are_copies():
     assert (first.version, second.version, predictor.version) == (1, 2, 2)
     np.testing.assert_allclose(first.probabilities, 0.25, rtol=1e-6)
     np.testing.assert_allclose(second.probabilities, 0.75, rtol=1e-6)
+
+
+def test_weights_that_nobody_can_write_are_not_copied(monkeypatch):
+    predictor, weights, fed = Predictor("paper", (16, 16, 3), (2, 1)), constant(0.25), {}
+    weights["dense.weight"].flags.writeable = False
+    predictor.load(weights, version=1)
+    run = predictor._session.run
+    monkeypatch.setattr(
+        predictor, "_session", SimpleNamespace(run=lambda names, feed: fed.update(feed) or run(names, feed))
+    )
+    predictor.predict(np.zeros((16, 16, 3), np.uint8))
+    assert [name for name in weights if np.shares_memory(fed[name], weights[name])] == ["dense.weight"]
 
 
 def test_a_prediction_is_never_of_mixed_weights():

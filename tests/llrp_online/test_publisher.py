@@ -3,7 +3,7 @@ import pytest
 
 from llrp_online.configuration.learning import Publishing
 from llrp_online.publisher import Publisher
-from replay.buffer import Batch
+from replay.batch import Batch
 
 S = 10**9
 HELD_OUT = Batch(np.zeros((1, 2, 2, 3), np.uint8), np.zeros((1, 1, 1), np.int8), np.ones((1, 1, 1), np.float32))

@@ -1,4 +1,5 @@
 import json
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -6,7 +7,8 @@ import torch
 
 from llrp_online import checkpoint
 from llrp_online.trainer import Trainer
-from replay.buffer import Batch
+from replay.batch import Batch
+from replay.compiling import plainly
 from tests.llrp_online.worlds import SIDE, configuration, picture
 
 EVEN = np.ones((3, 2, 2), np.int64)
@@ -97,6 +99,24 @@ def test_restored_it_goes_on_bit_for_bit(tmp_path, before):
         assert same(twin.network.weights(), trainer.network.weights())
 
 
+@pytest.mark.parametrize("first", ["compiled", "plain"])
+def test_what_was_trained_compiled_goes_on_plain_and_the_other_way_round(tmp_path, first):
+    forms = {"compiled": nullcontext, "plain": plainly}
+    now, then = forms.pop(first), next(iter(forms.values()))
+    one, twin = Trainer(configuration()), Trainer(configuration())
+    with now():
+        for step in range(3):
+            one.step(batch(step), EVEN)
+        arrays, values = one.state()
+        checkpoint.save(tmp_path / "c", {"weights": one.weights(), "training": arrays}, {"training": values})
+        expected = one.judge(one.weights(), batch(9)), one.step(batch(9), EVEN)
+    with then():
+        tensors, manifest = checkpoint.load(tmp_path / "c")
+        twin.restore(tensors["training"], manifest["training"])
+        assert same(twin.weights(), tensors["weights"])
+        assert (twin.judge(twin.weights(), batch(9)), twin.step(batch(9), EVEN)) == pytest.approx(expected, rel=1e-5)
+
+
 def test_unknown_labels_teach_nothing():
     def trained(change):
         trainer = Trainer(configuration())
@@ -170,6 +190,7 @@ def test_what_it_hands_out_is_a_copy():
     assert same(weights, kept)
     assert same(arrays, state)
     assert not same(trainer.weights(), kept)
+    assert not any(array.flags.writeable for array in weights.values())
 
 
 def test_the_judge_is_the_mean_log_loss_of_what_is_known():

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from replay import frame_store
 from replay.buffer import BufferSettings, ReplayBuffer, warn_if_too_large
 
 SHAPE, LABELS = (8, 8, 3), (3, 2)
@@ -21,6 +22,12 @@ def frame(rng, positive=0.1):
     picture = rng.integers(0, 255, SHAPE, np.uint8)
     labels = np.where(rng.random(LABELS) < 0.3, -1, rng.random(LABELS) < positive).astype(np.int8)
     return picture, labels, (labels >= 0).astype(np.float32)
+
+
+def frames(buffer):
+    """All that is kept, in the order of the state's ids: pictures, labels, weight."""
+    shards = list(buffer.shards())
+    return {name: np.concatenate([shard[name] for shard in shards]) for name in shards[0]}
 
 
 def fill(buffer, count, seed=0, **keys):
@@ -43,7 +50,7 @@ def test_counts_and_bounds_hold_for_any_history(seed, policy, count):
     state = buffer.state()
     assert len(buffer) == len(state["ids"]) == min(count, buffer.capacity)
     assert len(set(state["ids"].tolist())) == len(buffer)
-    wanted = np.stack([(state["labels"] == c).sum(0) for c in (0, 1)], -1)
+    wanted = np.stack([(frames(buffer)["labels"] == c).sum(0) for c in (0, 1)], -1)
     np.testing.assert_array_equal(buffer.class_counts, wanted)
     newest = set(range(max(count - 8, 0), count))
     assert newest <= set(state["ids"].tolist()), "a recent frame was lost"
@@ -63,7 +70,7 @@ def test_update_in_place_is_what_comes_out():
 def test_a_batch_is_half_recent_and_half_memory():
     buffer = make(frames=100, recent_frames=10)
     fill(buffer, 60)
-    pictures = {p.tobytes(): i for p, i in zip(buffer.state()["pictures"], buffer.state()["ids"], strict=True)}
+    pictures = {p.tobytes(): i for p, i in zip(frames(buffer)["pictures"], buffer.state()["ids"], strict=True)}
     ids = np.array([pictures[p.tobytes()] for p in buffer.sample(200).pictures])
     assert (ids >= 50).sum() == 100
 
@@ -115,20 +122,84 @@ def test_near_duplicates_do_not_enter_memory():
     assert 100 in buffer, "the same picture with another label is no repetition"
 
 
-def test_restored_exactly():
-    settings_ = {"frames": 50, "seed": 4, "duplicate_distance": 1.0}
+@pytest.mark.parametrize("policy", ["balanced", "reservoir", "fifo"])
+def test_restored_exactly(policy):
+    settings_ = {"frames": 50, "seed": 4, "duplicate_distance": 30.0, "policy": policy, "max_uses": 40}
     first = make(**settings_)
     rng = fill(first, 200, seed=2)
+    while len(first.sample(16)) and (first.state()["uses"] < 40).all():  # until some are used up
+        pass
     second = make(**settings_)
-    second.restore(first.state(), first.random_state())
+    fill(second, 30, seed=9)
+    second.restore(first.state(), first.shards(), first.random_state())
     tail = [frame(rng) for _ in range(60)]
-    for buffer in (first, second):
-        for i, (picture, labels, weight) in enumerate(tail):
+    for i, (picture, labels, weight) in enumerate(tail):
+        drawn = []
+        for buffer in (first, second):
             buffer.add(1000 + i, picture, labels, weight)
-    a, b = first.sample(64), second.sample(64)
-    np.testing.assert_array_equal(a.pictures, b.pictures)
-    np.testing.assert_array_equal(a.labels, b.labels)
-    np.testing.assert_array_equal(first.state()["ids"], second.state()["ids"])
+            buffer.update(1000 + i // 2, labels, weight)
+            drawn.append(buffer.sample(16))
+        np.testing.assert_array_equal(drawn[0].pictures, drawn[1].pictures)
+        np.testing.assert_array_equal(drawn[0].labels, drawn[1].labels)
+    for name, array in first.state().items():
+        np.testing.assert_array_equal(array, second.state()[name], err_msg=name)
+    np.testing.assert_array_equal(first.class_counts, second.class_counts)
+    assert first.duplicates == second.duplicates
+
+
+def test_uses_forgiven_and_a_cap_raised_are_drawn_again():
+    tired = make(max_uses=2)
+    fill(tired, 30)
+    while tired.sample(8) is not None:
+        pass
+    forgiven, raised = make(max_uses=2), make(max_uses=50)
+    state = tired.state()
+    raised.restore(state, tired.shards(), tired.random_state())
+    state["uses"][:] = 0
+    forgiven.restore(state, tired.shards(), tired.random_state())
+    for buffer in (forgiven, raised):
+        assert len({picture.tobytes() for picture in buffer.sample(400).pictures}) == 30
+
+
+def test_frames_are_saved_in_parts_that_make_a_whole(monkeypatch):
+    monkeypatch.setattr(frame_store, "_SHARD_BYTES", 1000)
+    buffer, other = make(), make()
+    fill(buffer, 35)
+    shards = list(buffer.shards())
+    assert len(shards) > 5
+    assert sum(len(shard["pictures"]) for shard in shards) == 35
+    other.restore(buffer.state(), shards, buffer.random_state())
+    for name, array in frames(buffer).items():
+        np.testing.assert_array_equal(array, frames(other)[name])
+    with pytest.raises(ValueError, match=r"expected 35 saved frames, found"):
+        other.restore(buffer.state(), shards[:-1], buffer.random_state())
+    with pytest.raises(ValueError, match=r"saved pictures are \(4, 4, 3\), expected \(8, 8, 3\)"):
+        other.restore(buffer.state(), [{**shards[0], "pictures": np.zeros((1, 4, 4, 3))}], buffer.random_state())
+
+
+def test_many_updates_at_once_are_as_many_one_by_one():
+    one_by_one, at_once = make(frames=30), make(frames=30)
+    rng = fill(one_by_one, 50)
+    fill(at_once, 50)
+    for _ in range(20):
+        ids = rng.integers(0, 60, 12).tolist()
+        _, labels, weight = zip(*(frame(rng) for _ in ids), strict=True)
+        singly = [one_by_one.update(*update) for update in zip(ids, labels, weight, strict=True)]
+        assert at_once.update_many(ids, np.stack(labels), np.stack(weight)).tolist() == singly
+        assert singly == [frame_id in at_once for frame_id in ids]
+    for name, array in frames(at_once).items():
+        np.testing.assert_array_equal(array, frames(one_by_one)[name])
+    np.testing.assert_array_equal(at_once.class_counts, one_by_one.class_counts)
+
+
+def test_repetitions_of_the_newest_are_found_in_a_full_memory():
+    buffer = make(frames=40, duplicate_distance=2.0)
+    rng = fill(buffer, 300)
+    assert (len(buffer), buffer.duplicates) == (buffer.capacity, 0)
+    picture, labels, weight = frame(rng, positive=1.0)  # rare, so that it stays
+    for i in range(300, 340):
+        buffer.add(i, picture, labels, weight)
+    assert buffer.duplicates == 31
 
 
 def test_a_budget_too_small_says_what_is_needed():

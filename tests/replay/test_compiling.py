@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from replay import compiling
+
 _KERNELS = """
 import os
 from types import SimpleNamespace
@@ -17,7 +19,7 @@ def build(factor):
     if "CRASH" in os.environ:
         os.abort()
 
-    @jit("float64(float64)")
+    @jit("float64(float64)", fastmath={"reassoc", "nsz", "contract", "arcp"})
     def scaled(x):
         return factor * x
 
@@ -132,3 +134,10 @@ def test_a_compiler_that_crashes_takes_nobody_with_it(used):
     crashed = used("live", CRASH="1")
     assert crashed["result"] is None
     assert "the compiler ended with -6" in crashed["said"]
+
+
+def test_the_plain_forms_can_be_chosen():
+    handle = compiling.Compiled("agents.robots.simulated.kernels")
+    with compiling.plainly():
+        assert handle.get() is None
+    assert handle.get() is not None

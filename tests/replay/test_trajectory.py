@@ -140,7 +140,7 @@ def test_frames_beyond_the_budget_are_closed_early_and_counted():
 def test_a_late_message_is_dropped_and_counted():
     store = TrajectoryStore(TARGETS["line"], [[0]], LabelRule(0.05), OdometryLimits(max_delay_s=1.0))
     store.add_odometry(10**10, np.zeros(3))
-    assert store.add_reading(10**10 - 1_000_000_001, 0, np.zeros(1, np.int8)) == []
+    assert not len(store.add_reading(10**10 - 1_000_000_001, 0, np.zeros(1, np.int8)))
     assert store.drops == {"reading: later than max_delay_s = 1 s allows": 1}
 
 
@@ -167,7 +167,7 @@ def test_a_clock_that_jumps_back_begins_a_new_trajectory(caplog):
     for i in range(8):
         store.add_odometry(i * 10**8, np.zeros(3))
     assert "the odometry clock jumped back by 100.5" in caplog.text
-    updates = store.add_frame(99, 6 * 10**8, PICTURE) + store.add_reading(6 * 10**8, 0, np.ones(1, np.int8))
+    updates = [*store.add_frame(99, 6 * 10**8, PICTURE), *store.add_reading(6 * 10**8, 0, np.ones(1, np.int8))]
     assert updates[-1].frame_id == 99
     assert updates[-1].labels[0, 0] == 1
 
@@ -177,7 +177,7 @@ def test_a_camera_clock_ahead_of_the_odometry_ends_no_trajectory(caplog):
     posed = set()
     for i in range(200):
         t_ns = i * 10**8
-        updates = store.add_frame(i, t_ns + 2 * 10**9, PICTURE) + store.add_odometry(t_ns, np.zeros(3))
+        updates = [*store.add_frame(i, t_ns + 2 * 10**9, PICTURE), *store.add_odometry(t_ns, np.zeros(3))]
         updates += store.add_reading(t_ns, 0, np.zeros(1, np.int8))
         posed |= {u.frame_id for u in updates if u.posed}
     assert len(posed) > 150
@@ -190,8 +190,8 @@ def test_one_stamp_from_the_far_future_stops_nothing():
     store.add_frame(0, 4 * 10**18, PICTURE)
     labelled = 0
     for i in range(1, 100):
-        updates = store.add_odometry(i * 10**8, np.zeros(3)) + store.add_frame(i, i * 10**8, PICTURE)
-        labelled += sum(u.posed for u in updates + store.add_reading(i * 10**8, 0, np.zeros(1, np.int8)))
+        updates = [*store.add_odometry(i * 10**8, np.zeros(3)), *store.add_frame(i, i * 10**8, PICTURE)]
+        labelled += sum(u.posed for u in [*updates, *store.add_reading(i * 10**8, 0, np.zeros(1, np.int8))])
     assert labelled > 50
 
 
@@ -229,7 +229,7 @@ def test_restored_in_mid_drive_it_goes_on_as_if_nothing_had_happened():
     second.restore(first.state())
     said = []
     for store in (first, second):
-        updates = [u for event in events[half:] for u in feed(store, event)] + store.end_trajectory()
+        updates = [*(u for event in events[half:] for u in feed(store, event)), *store.end_trajectory()]
         said.append([(u.frame_id, u.closed, u.labels.tobytes(), u.picture is None) for u in updates])
     assert said[0] == said[1]
     assert any(u[1] for u in said[0])

@@ -1,25 +1,30 @@
 """The camera: one ray a pixel, mip-mapped textures, one lamp with hard shadows. No GL, the same bytes everywhere.
 
-Each ray that meets a surface looks up its colour there (projected along the surface's own axis nearest its normal, so
-boxes, cylinders and balls share one rule), and a second ray from the lamp says whether the lamp reaches that point.
+Each ray that meets a surface looks up its colour there, and a second ray from the lamp says whether the lamp reaches
+that point. `Camera` does it with MuJoCo's rays and numpy; where `kernels.py` could be compiled, with that: the same
+pictures, many times faster. So that they are the same, neither leaves the order of a sum to a library.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.robots.simulated.scenario import Light, Surface
-from agents.robots.simulated.textures import SIZE, texture
-from agents.robots.simulated.world import World
+from agents.robots.simulated.lamp import SHADOW_SLACK_M, Lamp, ShadowMap, dot
+from agents.robots.simulated.mipmaps import HALFWAY, LEVEL_START, MipMaps
+from agents.robots.simulated.scenario import Light
+from agents.robots.simulated.world import World, turned
 from llrp_online.configuration.running import Simulation
+from replay.compiling import Compiled
 
 Floats = NDArray[np.float64]
+Eye = tuple[float, float, float, float, float]  # x, y, z [m], and cosine and sine of the yaw
 
-LEVELS = SIZE.bit_length()  # 512, 256, ..., 1
 BEYOND = (175, 182, 190)  # what a ray sees that meets nothing: the hall around the arena
-SHADOW_SLACK_M = 0.002  # a lit point is met by its own lamp ray at its own distance, give or take rounding
 SIGHT_M = 6.0
+STEEPEST = 0.05  # least cosine between ray and normal that a pixel's size is computed for
 
 
 @dataclass(frozen=True)
@@ -59,82 +64,64 @@ class Camera:
     def __init__(self, world: World, light: Light, simulation: Simulation, height: int, width: int) -> None:
         self._world = world
         self._optics = Optics.build(simulation, height, width)
-        self._mast_m = np.array([simulation.camera_ahead_m, 0.0, simulation.camera_height_m])
-        self._textures = _MipMaps(world)
-        azimuth, elevation = np.deg2rad([light.azimuth_deg, light.elevation_deg])
-        towards = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
-        self._lamp_m = light.distance_m * np.array(towards)
-        self._ambient = light.ambient
-        self._lamp_rgb = light.strength * np.array([int(light.colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+        self._ahead_m, self._height_m = simulation.camera_ahead_m, simulation.camera_height_m
+        self._textures = MipMaps(world)
+        self._lamp = Lamp(light)
+        self._kernels = Compiled("agents.robots.simulated.kernels")
+        self._scene = _scene(world, self._optics, self._textures, self._lamp, simulation)
 
     def picture(self, pose: Floats) -> NDArray[np.uint8]:
         """(height, width, 3) uint8 RGB, seen by a robot at `pose` [x_m, y_m, yaw_rad]."""
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        origin_m = turn @ self._mast_m + [pose[0], pose[1], 0.0]
-        rays = self._optics.directions @ turn.T
+        x, y, yaw = pose.tolist()
+        cos, sin = math.cos(yaw), math.sin(yaw)
+        eye = x + self._ahead_m * cos, y + self._ahead_m * sin, self._height_m, cos, sin
+        kernels = self._kernels.get()
+        if kernels is None:
+            picture = self._followed(eye)
+        else:
+            picture = np.empty((len(self._optics.directions), 3), np.uint8)
+            kernels.picture(eye, *self._scene, picture)
+        return picture.reshape(self._optics.height, self._optics.width, 3)
+
+    def _followed(self, eye: Eye) -> NDArray[np.uint8]:
+        """(height * width, 3), ray by ray: the reference."""
+        origin_m = np.array(eye[:3])
+        rays = turned(self._optics.directions, *eye[3:])
         distance_m, geom, normal = self._world.cast(origin_m, rays, SIGHT_M)
 
         met = np.flatnonzero(geom >= 0)
         distance_m, geom, normal, rays = distance_m[met], geom[met], normal[met], rays[met]
         points_m = origin_m + rays * distance_m[:, None]
         # The longer the ray and the flatter it falls, the more of the surface one pixel covers.
-        slant = np.clip(-np.einsum("ni,ni->n", rays, normal), 0.05, 1.0)
+        slant = np.clip(-dot(rays, normal), STEEPEST, 1.0)
         colour = self._textures.colours(points_m, geom, normal, distance_m * self._optics.pixel_rad / np.sqrt(slant))
 
-        seen = np.empty((self._optics.height * self._optics.width, 3))
+        seen = np.empty((len(self._optics.directions), 3))
         seen[:] = BEYOND
-        seen[met] = colour * (self._ambient + self._lamp_share(points_m, normal)[:, None] * self._lamp_rgb)
-        picture = np.clip(seen, 0, 255).astype(np.uint8)
-        return picture.reshape(self._optics.height, self._optics.width, 3)
-
-    def _lamp_share(self, points_m: Floats, normal: Floats) -> Floats:
-        """(N,): cosine between surface and lamp; zero where something stands between."""
-        from_lamp = points_m - self._lamp_m
-        reach_m = np.linalg.norm(from_lamp, axis=1)
-        from_lamp /= reach_m[:, None]
-        first_m, _, _ = self._world.cast(self._lamp_m, from_lamp, float(reach_m.max(initial=0.0)) + 1.0)
-        facing = np.maximum(-np.einsum("ni,ni->n", from_lamp, normal), 0.0)
-        return np.where(first_m < reach_m - SHADOW_SLACK_M, 0.0, facing)
+        share = self._lamp.share(self._world, points_m, normal)
+        seen[met] = colour * (self._lamp.ambient + share[:, None] * self._lamp.rgb)
+        return np.clip(seen, 0, 255).astype(np.uint8)
 
 
-class _MipMaps:
-    """Every geom's texture, each in halving sizes, in one flat array: a look-up is one index for all pixels at once."""
-
-    def __init__(self, world: World) -> None:
-        surfaces: list[Surface] = []
-        for surface in world.surfaces:
-            if surface not in surfaces:
-                surfaces.append(surface)
-        self._texels = np.concatenate([level for surface in surfaces for level in _halvings(texture(surface))])
-        self._level_start = np.cumsum([0, *(4**k for k in range(LEVELS - 1, 0, -1))])
-        each = int(self._level_start[-1]) + 1
-        self._start = np.array([surfaces.index(surface) * each for surface in world.surfaces])
-        self._period_m = np.array([surface.period_m for surface in world.surfaces])
-        self._world = world
-
-    def colours(self, points_m: Floats, geom: NDArray[np.int32], normal: Floats, pixel_m: Floats) -> Floats:
-        """(N, 3) colours in [0, 255] at points on the surfaces of geoms, averaged over about a pixel's size there."""
-        axes = self._world.axes[geom]
-        local = np.einsum("nij,ni->nj", axes, points_m - self._world.centres_m[geom])
-        facing = np.abs(np.einsum("nij,ni->nj", axes, normal)).argmax(1)
-        uv = np.take_along_axis(local, _PLANE[facing], 1) / self._period_m[geom, None]
-        level = np.clip(np.log2(pixel_m * SIZE / self._period_m[geom]) + 0.5, 0, LEVELS - 1).astype(np.int64)
-        size = SIZE >> level
-        u, v = (np.floor(uv * size[:, None]).astype(np.int64) & (size - 1)[:, None]).T
-        texels = self._texels[self._start[geom] + self._level_start[level] + v * size + u]
-        return texels * self._world.tints[geom, None]
-
-
-_PLANE = np.array([[1, 2], [0, 2], [0, 1]])  # the two axes that span the plane across axis 0, 1 or 2
-
-
-def _halvings(image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-    """(SIZE^2, 3), (SIZE^2 / 4, 3), ..., (1, 3): the image and its averages over ever larger squares."""
-    level, levels = image.astype(np.float32), []
-    for _ in range(LEVELS):
-        levels.append(level.reshape(-1, 3))
-        half = len(level) // 2
-        if half:
-            level = level.reshape(half, 2, half, 2, 3).mean((1, 3))
-    return levels
+def _scene(world: World, optics: Optics, textures: MipMaps, lamp: Lamp, simulation: Simulation) -> tuple[Any, ...]:
+    """What never changes, as `kernels.picture` takes it: optics, solids, textures, lamp and shadows."""
+    down = optics.directions[:, 2]
+    floor_m = np.full(len(down), np.inf)
+    np.divide(-simulation.camera_height_m, down, out=floor_m, where=down < 0)
+    floor_m[floor_m > SIGHT_M] = np.inf
+    pitch = np.deg2rad(simulation.pitch_deg)
+    lens = [1 / optics.pixel_rad, np.cos(pitch), np.sin(pitch), optics.width / 2, optics.height / 2, optics.pixel_rad]
+    surfaces = np.column_stack([textures.period_m, world.centres_m, world.turns, world.tints])
+    shadows = ShadowMap(world, lamp)
+    return (
+        (np.array([*lens, SIGHT_M, STEEPEST, *world.floor_half_m, *BEYOND]), optics.directions, floor_m),
+        world.solids,
+        (surfaces, textures.start, textures.texels, LEVEL_START, HALFWAY),
+        (
+            np.array([*lamp.position_m, SHADOW_SLACK_M, lamp.ambient, *lamp.rgb]),
+            shadows.lamp_m,
+            shadows.grid,
+            shadows.start,
+            shadows.members,
+        ),
+    )

@@ -1,10 +1,13 @@
 """The proximity sensors: five on the front rim, each the nearest thing within its narrow cone, 10 cm far."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.robots.simulated.world import World
+from agents.robots.simulated.world import World, turned
 from llrp_online.configuration.running import Simulation
+from replay.compiling import Compiled
 
 Floats = NDArray[np.float64]
 
@@ -17,25 +20,34 @@ class Proximity:
 
     def __init__(self, world: World, simulation: Simulation, rng: np.random.Generator) -> None:
         self._world, self._rng = world, rng
-        self._angles = np.deg2rad(simulation.beams_deg)
+        angles = np.deg2rad(simulation.beams_deg)
         half = np.deg2rad(simulation.beam_width_deg) / 2
-        self._cone = np.linspace(-half, half, RAYS) if half else np.zeros(1)
-        self._radius_m, self._centre_ahead_m = simulation.radius_m, simulation.centre_ahead_m
-        self._height_m = simulation.beam_height_m
+        cone = angles[:, None] + (np.linspace(-half, half, RAYS) if half else np.zeros(1))
+        # In the robot's frame: (S, 3) where the sensors are, and (S, RAYS, 3) where they look. All is level.
+        ahead_m = simulation.centre_ahead_m + simulation.radius_m * np.cos(angles)
+        left_m, height_m = simulation.radius_m * np.sin(angles), np.full(len(angles), simulation.beam_height_m)
+        self._origins_m = np.stack([ahead_m, left_m, height_m], -1)
+        self._rays = np.stack([np.cos(cone), np.sin(cone), np.zeros_like(cone)], -1)
         self._reach_m, self._noise_m = simulation.range_m, simulation.range_noise_m
+        self._cutoff_m = self._reach_m + MARGIN_SIGMAS * self._noise_m
+        self._kernels = Compiled("agents.robots.simulated.kernels")
 
     def ranges(self, pose: Floats) -> Floats:
         """(S,) float64 [m] from a robot at `pose`, right to left."""
-        cos, sin = np.cos(pose[2]), np.sin(pose[2])
-        centre = pose[:2] + self._centre_ahead_m * np.array([cos, sin])
-        true_m = np.array([self._nearest_m(centre, pose[2] + angle) for angle in self._angles])
+        x, y, yaw = pose.tolist()
+        position = x, y, math.cos(yaw), math.sin(yaw)
+        true_m = np.empty(len(self._rays))
+        kernels = self._kernels.get()
+        if kernels is None:
+            self._follow(*position, true_m)
+        else:
+            kernels.nearest(position, self._origins_m, self._rays, self._world.solids, self._cutoff_m, true_m)
         noisy_m = np.maximum(true_m + self._noise_m * self._rng.standard_normal(len(true_m)), 0.0)
         return np.where(noisy_m <= self._reach_m, noisy_m, np.inf)
 
-    def _nearest_m(self, centre: Floats, angle_rad: float) -> float:
-        look = np.array([np.cos(angle_rad), np.sin(angle_rad)])
-        origin = np.array([*(centre + self._radius_m * look), self._height_m])
-        rays = np.stack([np.cos(angle_rad + self._cone), np.sin(angle_rad + self._cone), 0 * self._cone], -1)
-        cutoff_m = self._reach_m + MARGIN_SIGMAS * self._noise_m
-        distance_m, geom, _ = self._world.cast(origin, rays, cutoff_m)
-        return float(distance_m[geom >= 0].min(initial=np.inf))
+    def _follow(self, x_m: float, y_m: float, cos: float, sin: float, true_m: Floats) -> None:
+        """What each sensor would feel without noise, ray by ray: the reference."""
+        origins_m = np.array([x_m, y_m, 0.0]) + turned(self._origins_m, cos, sin)
+        rays = turned(self._rays, cos, sin)
+        for sensor, origin_m in enumerate(origins_m):
+            true_m[sensor] = self._world.cast(origin_m, rays[sensor], self._cutoff_m)[0].min()

@@ -13,7 +13,6 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from agents.robots.simulated.scenario import Pattern, Surface
 
@@ -127,6 +126,8 @@ def _linoleum(rng: np.random.Generator, colours: Image) -> Image:
 
 def _flagstones(rng: np.random.Generator, colours: Image) -> Image:
     """Joint colour first. Stones are the Voronoi cells of random points on a torus."""
+    from scipy.spatial import KDTree  # takes longer to import than most arenas take to draw
+
     points = rng.random((40, 2)) * SIZE
     v, u = np.mgrid[:SIZE, :SIZE]
     nearest: Any = KDTree(points, boxsize=SIZE).query(np.stack([v, u], -1).reshape(-1, 2), k=2)

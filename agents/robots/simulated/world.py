@@ -1,6 +1,9 @@
 """The arena as a MuJoCo scene: the one place where rays meet shapes. Nothing moves in it, and no GL is needed.
 
 The robot is not part of the scene: its camera and its sensors look outwards from its rim, so it never sees itself.
+
+MuJoCo is the reference. `solids` tells the compiled rays (`kernels.py`) where everything stands, with the numbers that
+MuJoCo has, so that both meet the same things at the same distances.
 """
 
 from typing import Any
@@ -12,22 +15,41 @@ from agents.robots.simulated.layout import Layout, Shape
 from agents.robots.simulated.scenario import Surface
 
 Floats = NDArray[np.float64]
-FLOOR = 0  # MuJoCo keeps the order in which geoms were added; the floor is the first
+KINDS = ("box", "cylinder", "ball")
 
 
 class World:
-    """Casts rays into a layout. `surfaces` and `tints` tell, by the geom a ray met, what it looks like there."""
+    """Casts rays into a layout. `surfaces` and `tints` tell, by the geom a ray met, what it looks like there.
+
+    The floor is geom 0, the layout's shapes follow in their order: MuJoCo keeps the order in which geoms were added.
+
+    Attributes:
+        surfaces: of the G geoms.
+        tints: (G,) float64.
+        centres_m: (G, 3) float64.
+        turns: (G, 3) float64: cosine and sine of each geom's turn about the vertical, and 1, as MuJoCo rounds it.
+        floor_half_m: half the floor's length and width.
+        solids: (G - 1, 10) float64, a row a shape: index in `KINDS`, centre, turn, half extents. A ball is not turned:
+            rays meet it the same way from all sides.
+    """
 
     def __init__(self, layout: Layout) -> None:
         self._mujoco = _import_mujoco()
         self._model = self._compile(layout)
         self._data = self._mujoco.MjData(self._model)
         self._mujoco.mj_forward(self._model, self._data)
-        floor = layout.scenario.surface_named(layout.scenario.arena.floor)
-        self.surfaces: list[Surface] = [floor, *(shape.surface for shape in layout.shapes)]
+        arena = layout.scenario.arena
+        self.floor_half_m = (arena.length_m / 2, arena.width_m / 2)
+        self.surfaces: list[Surface] = [
+            layout.scenario.surface_named(arena.floor),
+            *(shape.surface for shape in layout.shapes),
+        ]
         self.tints: Floats = np.array([1.0, *(shape.tint for shape in layout.shapes)])
-        self.centres_m: Floats = self._data.geom_xpos.copy()  # (G, 3)
-        self.axes: Floats = self._data.geom_xmat.reshape(-1, 3, 3).copy()  # (G, 3, 3), columns: each geom's own axes
+        self.centres_m: Floats = self._data.geom_xpos.copy()
+        axes: Floats = self._data.geom_xmat.reshape(-1, 3, 3)
+        self.turns: Floats = np.stack([axes[:, 0, 0], axes[:, 1, 0], axes[:, 2, 2]], 1)
+        self.solids: Floats = np.array([self._solid(i + 1, shape) for i, shape in enumerate(layout.shapes)])
+        self.solids = self.solids.reshape(-1, 10)
 
     def cast(self, origin_m: Floats, directions: Floats, cutoff_m: float) -> tuple[Floats, NDArray[np.int32], Floats]:
         """Follow rays from one point.
@@ -35,10 +57,10 @@ class World:
         Args:
             origin_m: (3,).
             directions: (N, 3) unit vectors.
-            cutoff_m: shapes that are altogether farther than this are not looked for.
+            cutoff_m: what is farther than this is not met.
 
         Returns:
-            (N,) distance, (N,) int32 index of the geom and (N, 3) unit normal of its surface; -1, -1 and anything
+            (N,) distance, (N,) int32 index of the geom and (N, 3) unit normal of its surface; inf, -1 and anything
             where the ray met nothing.
         """
         count = len(directions)
@@ -47,7 +69,19 @@ class World:
         self._mujoco.mj_multiRay(
             self._model, self._data, origin_m, vectors, None, True, -1, geom, distance_m, normal, count, cutoff_m
         )
+        nothing = (geom < 0) | (distance_m > cutoff_m)
+        distance_m[nothing], geom[nothing] = np.inf, -1
         return distance_m, geom, normal.reshape(-1, 3)
+
+    def into_frame(self, geom: NDArray[np.int32], vectors: Floats) -> Floats:
+        """(N, 3) vectors as they are along the axes of the geoms (N,)."""
+        cos, sin, up = self.turns[geom].T
+        x, y, z = vectors.T
+        return np.stack([cos * x + sin * y, cos * y - sin * x, up * z], 1)
+
+    def _solid(self, geom: int, shape: Shape) -> list[float]:
+        turn = [1.0, 0.0, 1.0] if shape.kind == "ball" else self.turns[geom].tolist()
+        return [KINDS.index(shape.kind), *self.centres_m[geom].tolist(), *turn, *shape.half_m]
 
     def _compile(self, layout: Layout) -> Any:
         spec = self._mujoco.MjSpec()
@@ -67,6 +101,12 @@ class World:
         }[shape.kind]
         turn = [np.cos(shape.yaw_rad / 2), 0.0, 0.0, np.sin(shape.yaw_rad / 2)]
         spec.worldbody.add_geom(type=kind, size=size, pos=list(shape.centre_m), quat=turn)
+
+
+def turned(vectors: Floats, cos: float, sin: float) -> Floats:
+    """(..., 3) vectors of the robot's frame, seen from the arena: turned about the vertical."""
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    return np.stack([x * cos - y * sin, x * sin + y * cos, z], -1)
 
 
 def _import_mujoco() -> Any:
