@@ -38,7 +38,7 @@ def warm_inference(learner, rounds):
 
 
 def test_frame_to_prediction_under_full_training(tmp_path, record, short):
-    blocks, block_s = (3, 5.0) if short else (8, 12.0)
+    blocks, block_s = (3, 5.0) if short else (6, 10.0)
     configuration = load(CONFIG)
     name = configuration.robot.name
     config, start = tmp_path / "busy.toml", tmp_path / "start"
