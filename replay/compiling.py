@@ -83,15 +83,19 @@ def jit(signature: str | list[str], **options: Any) -> Callable[[_Function], _Fu
             kernel.enable_caching()
             # The cache would know a kernel by a pickle of what it closes over. One that calls another then has another
             # key in every process, or in the first after a change; ours is by name, and a changed file voids it anyway.
-            parts = function.__code__.co_code, repr(closed_over).encode()
-            digests = tuple(hashlib.sha256(part).hexdigest() for part in parts)
-            kernel._cache._index_key = lambda signature, codegen: (signature, codegen.magic_tuple(), digests)
+            kernel._cache._index_key = functools.partial(_key, function.__code__.co_code, repr(closed_over).encode())
         for one in signatures:
             kernel.compile(one)
         kernel.disable_compile()
         return kernel
 
     return compile_it
+
+
+def _key(code: bytes, closed_over: bytes, signature: Any, codegen: Any) -> tuple[Any, ...]:
+    """Of a kernel in numba's cache: its types, the processor, what it does and what it is made for."""
+    digests = tuple(hashlib.sha256(part).hexdigest() for part in (code, closed_over))
+    return signature, codegen.magic_tuple(), digests
 
 
 def _closed_over(function: Callable[..., Any]) -> list[str]:
