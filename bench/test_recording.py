@@ -61,9 +61,7 @@ def test_recording_read_back(tmp_path, record, short):
             Figure(ours),
             {"rosbags AnyReader, messages and pictures decoded": Figure(theirs)},
             {"rosbags AnyReader, messages and pictures decoded": 1 / 1.2},
-            gaps={
-                "rosbags AnyReader, messages and pictures decoded": "three Python calls a picture to keep the store's rings"
-            },
+            gaps={"rosbags AnyReader, messages and pictures decoded": "each picture costs three calls in Python"},
             note=f"{path.stat().st_size / 1e6:.0f} MB; {minutes * 60 * RATE_HZ} pictures of 80x64",
         )
     )
