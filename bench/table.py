@@ -2,7 +2,8 @@
 
     python bench/table.py runs/bench.json --output docs/BENCHMARKS.md
 
-Prints it too. Nothing in that file is written by hand.
+Prints it too. Nothing in that file is written by hand. Of several reports the later ones' rows take the place of those
+of the same name: a part can be measured again, on a machine that has come to rest.
 """
 
 import argparse
@@ -42,13 +43,20 @@ times". The limit is what no program can go below, measured in the same run.
 def main() -> None:
     """Read, print, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("report", type=Path, help="JSON of `pytest bench --benchmark-json`")
+    parser.add_argument("reports", type=Path, nargs="+", help="JSON of `pytest bench --benchmark-json`")
     parser.add_argument("--output", type=Path, help="Markdown file to write")
     arguments = parser.parse_args()
-    text = page(json.loads(arguments.report.read_text()))
+    text = page(merged([json.loads(report.read_text()) for report in arguments.reports]))
     print(text)
     if arguments.output:
         arguments.output.write_text(text)
+
+
+def merged(reports: list[dict[str, Any]]) -> dict[str, Any]:
+    """One report: the first, with the rows of the later ones in their place."""
+    rows = {row["path"]: row for report in reports for row in report["rows"]}
+    growth = {(row["path"], row["quantity"]): row for report in reports for row in report["growth"]}
+    return {**reports[0], "rows": list(rows.values()), "growth": list(growth.values())}
 
 
 def page(report: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ of these is said. A user may also choose the reference: `use`.
 """
 
 import functools
+import hashlib
 import importlib
 import json
 import logging
@@ -76,17 +77,25 @@ def jit(signature: str | list[str], **options: Any) -> Callable[[_Function], _Fu
 
     def compile_it(function: _Function) -> _Function:
         kernel = numba.njit(nogil=True, **options)(function)
-        # The cache knows a kernel by what it closes over too; one that calls another would else be known by the
-        # other's random id, which is new in every process, and never be found.
-        kernel._set_uuid(f"{function.__module__}.{function.__qualname__}{_closed_over(function)}")
+        closed_over = _closed_over(function)
+        kernel._set_uuid(f"{function.__module__}.{function.__qualname__}{closed_over}")
         if _cache() is not None:
             kernel.enable_caching()
+            # The cache would know a kernel by a pickle of what it closes over. One that calls another then has another
+            # key in every process, or in the first after a change; ours is by name, and a changed file voids it anyway.
+            kernel._cache._index_key = functools.partial(_key, function.__code__.co_code, repr(closed_over).encode())
         for one in signatures:
             kernel.compile(one)
         kernel.disable_compile()
         return kernel
 
     return compile_it
+
+
+def _key(code: bytes, closed_over: bytes, signature: Any, codegen: Any) -> tuple[Any, ...]:
+    """Of a kernel in numba's cache: its types, the processor, what it does and what it is made for."""
+    digests = tuple(hashlib.sha256(part).hexdigest() for part in (code, closed_over))
+    return signature, codegen.magic_tuple(), digests
 
 
 def _closed_over(function: Callable[..., Any]) -> list[str]:
