@@ -5,17 +5,26 @@ from collections.abc import Callable
 from agents.controllers import Controller
 from agents.controllers.avoid import Avoid
 from agents.controllers.blind import Blind
+from agents.controllers.curious import Curious
 from agents.controllers.explore import Explore
 from agents.controllers.random_walk import RandomWalk
 from agents.controllers.reflex import Reflex
 from llrp_online.configuration import RobotConfiguration
 
+
+def _avoid(configuration: RobotConfiguration, seed: int) -> Avoid:
+    return Avoid(configuration.control, configuration.targets.build(), configuration.sensors, seed)
+
+
+def _curious(configuration: RobotConfiguration, seed: int) -> Curious:
+    return Curious(configuration.control, _avoid(configuration, seed), Reflex(configuration.control))
+
+
 _MAKERS: dict[str, Callable[[RobotConfiguration, int], Controller]] = {
     "explore": lambda configuration, seed: Explore(configuration.control, seed),
     "walk": lambda configuration, seed: RandomWalk(configuration.control, seed),
-    "avoid": lambda configuration, seed: Avoid(
-        configuration.control, configuration.targets.build(), configuration.sensors, seed
-    ),
+    "avoid": _avoid,
+    "curious": _curious,
     "reflex": lambda configuration, _seed: Reflex(configuration.control),
     "blind": lambda configuration, seed: Blind(configuration.control, seed),
 }
@@ -25,6 +34,7 @@ BEHAVIOURS = {
     "explore": "the paper's data acquisition: every obstacle from five sides",
     "walk": "random walk on the short-range sensors",
     "avoid": "on predictions alone",
+    "curious": "on predictions, but a few times a minute up to something that it feels",
     "reflex": "on the short-range sensors alone",
     "blind": "random turning, without any sense",
 }

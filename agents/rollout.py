@@ -5,7 +5,7 @@ nothing depends on how fast the machine is; `llrp demo` runs the same parts as p
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,11 +44,11 @@ def rollout(
     controller: Controller,
     configuration: RobotConfiguration,
     seconds: float,
-    predictor: Predictor | None = None,
+    perceive: Callable[[Observation], NDArray[np.float32] | None] | None = None,
 ) -> Iterator[Observation]:
     """Drive for `seconds` of sensor time, yielding every tick. The first tick stands still: nothing is known yet.
 
-    With a `predictor` the controller is given what the newest picture says.
+    With `perceive` the controller is given what that says of the newest tick with a picture, (T, S); see `seen_by`.
     """
     if configuration.simulation is None:
         raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation] table; add one")
@@ -57,9 +57,20 @@ def rollout(
     for _ in range(round(seconds * configuration.simulation.rate_hz)):
         seen = robot.step(*command)
         yield seen
-        if predictor is not None and seen.picture is not None:
-            prediction = predictor.predict(seen.picture).probabilities
+        if perceive is not None and seen.picture is not None:
+            prediction = perceive(seen)
         command = controller.command(seen.t_ns, seen.odometry, bits_of(seen.ranges), prediction)
+
+
+def seen_by(predictor: Predictor) -> Callable[[Observation], NDArray[np.float32] | None]:
+    """What a predictor says of each picture; None before it has weights."""
+
+    def perceive(seen: Observation) -> NDArray[np.float32] | None:
+        if seen.picture is None or predictor.version is None:
+            return None
+        return predictor.predict(seen.picture).probabilities
+
+    return perceive
 
 
 def _index(sensor: ShortRange) -> int:

@@ -113,6 +113,20 @@ class Prequential:
         self._labels[slots[kept]] = labels[kept]
         return {index: self._band_losses(slots[index]) for index in np.flatnonzero(kept & closed).tolist()}
 
+    def __len__(self) -> int:
+        """Frames in the window."""
+        return len(self._slots)
+
+    @property
+    def band_of_target(self) -> NDArray[np.int64]:
+        """(T,), the band that each target is in."""
+        return self._band_of_target
+
+    def pairs(self, newest: int | None = None) -> tuple[NDArray[np.float32], NDArray[np.int8]]:
+        """(N, T, S) probabilities and labels as now known, of the newest frames predicted (None: all), oldest first."""
+        rows = self._rows(newest)
+        return self._probabilities[rows], self._labels[rows]
+
     def score(self, rounds: int = 0, seed: int = 0) -> Score:
         """AUC of each target and sensor over the window; with `rounds` of bootstrap, intervals too."""
         rows = self._rows(None)

@@ -13,6 +13,8 @@ STUDIES = {
     "scratch": "from nothing in an unseen scenario: AUC against robot minutes; controllers; steps a second",
     "crossval": "the paper's experiment: train offline on eight scenarios, test on two; and leave one out",
     "adapt": "a new floor: warm-started with and without the memory, beside frozen and from nothing",
+    "control": "driving on predictions: collisions by minutes learned; what avoiding does to the labels",
+    "calibration": "do probabilities mean what they say: ECE by distance, before and after online scaling",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
 }
 

@@ -11,7 +11,7 @@ from agents.experiments.curves import Marks, time, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
 from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 
@@ -70,7 +70,7 @@ def trials(size: Size) -> list[Trial]:
 def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     """Form and trial."""
     usual = configuration_of("thymio")
-    robot = usual.model_dump(mode="json")
+    robot = robot_of(usual)
     for form in size.forms:
         learner = changed(usual, {"memory.budget_mb": size.budget_mb, **FORMS[form]})
         for name in size.scenarios:

@@ -10,7 +10,7 @@ from agents.experiments.curves import Marks, curves, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
-from agents.experiments.settings import HELD_OUT, configuration_of, scenario, scenarios, with_seed
+from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, scenarios, with_seed
 from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 
@@ -41,7 +41,7 @@ def trials(size: Size) -> list[Trial]:
 def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     """Form and trial."""
     usual = configuration_of("thymio")
-    robot = usual.model_dump(mode="json")
+    robot = robot_of(usual)
     for floor in size.floors:
         old = [name for name in scenarios() if name != floor][: size.old_floors]
         exams = {

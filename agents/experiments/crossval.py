@@ -12,7 +12,7 @@ from agents.commands.evaluate import ROUNDS, exam_of
 from agents.commands.train import STEPS, remember, trained
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
-from agents.experiments.settings import configuration_of, scenario, scenarios, with_seed
+from agents.experiments.settings import configuration_of, robot_of, scenario, scenarios, with_seed
 from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 from llrp_online import figures
@@ -64,7 +64,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
 
 
 def _trial(size: Size, form: RobotConfiguration, out: Sequence[str], seed: int) -> Trial:
-    robot = configuration_of("thymio").model_dump(mode="json")
+    robot = robot_of(configuration_of("thymio"))
     drives = {name: Drive(robot, scenario(name), seed, size.minutes).as_json() for name in size.scenarios}
     return Trial(
         "agents.experiments.crossval:train",

@@ -9,7 +9,7 @@ from agents.experiments.curves import Marks, curves, time, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import learning
-from agents.experiments.settings import HELD_OUT, configuration_of, scenario, scenarios, with_seed
+from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, scenarios, with_seed
 from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 from llrp_online.configuration import RobotConfiguration
@@ -58,7 +58,7 @@ def _named(size: Size) -> Iterator[tuple[str, str, Trial]]:
 
 def _trial(size: Size, form: RobotConfiguration, name: str, seed: int, behaviour: str) -> Trial:
     # The drive is told by what the robot is, not by how it learns, so that all forms share it.
-    robot, arena = configuration_of("thymio").model_dump(mode="json"), scenario(name)
+    robot, arena = robot_of(configuration_of("thymio")), scenario(name)
     lived = Drive(robot, arena, seed, size.marks_s[-1] / 60, behaviour)
     held_out = [Drive(robot, arena, HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)]
     return learning(with_seed(form, seed), [lived], {"new": held_out}, size.marks_s)

@@ -10,11 +10,17 @@ from llrp_online.configuration import RobotConfiguration, load
 #: Seeds of held-out layouts lie this far from those that are lived in.
 HELD_OUT = 1000
 CONFIGS = Path("configs")
+_LEARNING = {"memory", "network", "augmentation", "training", "compute", "publishing"}
 
 
 def configuration_of(robot: str) -> RobotConfiguration:
     """The configuration of a robot in `configs/`."""
     return load(CONFIGS / f"{robot}.toml")
+
+
+def robot_of(configuration: RobotConfiguration) -> dict[str, Any]:
+    """What a drive depends on, as JSON values: all but how the robot learns, so that all its learners share drives."""
+    return configuration.model_dump(mode="json", exclude=_LEARNING)
 
 
 def scenario(name: str) -> dict[str, Any]:

@@ -28,6 +28,9 @@ class Control(Table):
         description="predicted probability that counts as an obstacle; low, as running into one costs more than a turn",
     )
     clearance_m: float = Field(default=0.12, gt=0, description="predicted clearance at which it turns away")
+    approaches_per_minute: float = Field(
+        default=2.0, ge=0, description="`curious`: how often it drives up to something until a sensor feels it"
+    )
     stroke_m: float = Field(
         default=0.30, gt=0, description="acquisition: how far back and forth, the paper's 30 cm [m]"
     )

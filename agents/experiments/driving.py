@@ -1,0 +1,221 @@
+"""Trials that drive a simulated robot: on weights that stay as they are, or while they are being learned."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.behaviours import controller
+from agents.commands.evaluate import exam_of
+from agents.experiments.drives import Drive
+from agents.experiments.learning import Start, means
+from agents.experiments.trial import Result, Trial
+from agents.intake import Intake
+from agents.robots.simulated import Observation, Scenario, SimulatedRobot
+from agents.robots.simulated.truth import Truth
+from agents.robots.wire import Wire
+from agents.rollout import RangeBits, rollout, seen_by
+from agents.simulated_drive import simulated_robot
+from llrp_online.configuration import RobotConfiguration
+from llrp_online.learner import Learner
+from llrp_online.predictor import Predictor
+from replay import compiling
+
+Sight = Callable[[Observation], NDArray[np.float32] | None]
+
+
+def driving(
+    configuration: RobotConfiguration,
+    scenario: Mapping[str, Any],
+    seed: int,
+    minutes: float,
+    behaviour: str,
+    *,
+    sight: str | Mapping[str, Any] | None = None,
+) -> Trial:
+    """A trial of `drive`."""
+    return Trial(
+        "agents.experiments.driving:drive",
+        {
+            "configuration": configuration.model_dump(mode="json"),
+            "scenario": dict(scenario),
+            "seed": seed,
+            "minutes": minutes,
+            "behaviour": behaviour,
+            "sight": sight,
+        },
+    )
+
+
+def drive(
+    folder: Path,
+    configuration: Mapping[str, Any],
+    scenario: Mapping[str, Any],
+    seed: int,
+    minutes: float,
+    behaviour: str,
+    sight: str | Mapping[str, Any] | None,
+) -> Result:
+    """Drive through one layout.
+
+    Args:
+        folder: of what trials share.
+        configuration: the robot's, as JSON values.
+        scenario: the arena's, as JSON values.
+        seed: of layout, noise and controller.
+        minutes: of the robot's time.
+        behaviour: the controller's name.
+        sight: what it is given as predictions: a `Start` as JSON values, whose weights predict; "untrained", for a
+            network that never learned; "truth", for what the sensors would really feel; None, for nothing.
+
+    Returns:
+        `collisions`, each contact once; `metres` truly driven; `blocked_s`, how long something stopped it.
+    """
+    form, arena = RobotConfiguration.model_validate(configuration), Scenario.model_validate(scenario)
+    compiling.use(form.compute.compiled)
+    robot = simulated_robot(form, arena, seed, camera=sight is not None)
+    pilot = controller(behaviour, form, seed)
+    perceive = None if sight is None else _sight(folder, form, arena, seed, sight)
+    tally = Tally(robot)
+    for seen in rollout(robot, pilot, form, 60 * minutes, perceive):
+        tally.add(seen)
+    return tally.told()
+
+
+def living(
+    configuration: RobotConfiguration,
+    scenario: Mapping[str, Any],
+    seed: int,
+    minutes: int,
+    behaviour: str,
+    start: Mapping[str, Any],
+    exam: Sequence[Drive],
+) -> Trial:
+    """A trial of `live`."""
+    return Trial(
+        "agents.experiments.driving:live",
+        {
+            "configuration": configuration.model_dump(mode="json"),
+            "scenario": dict(scenario),
+            "seed": seed,
+            "minutes": minutes,
+            "behaviour": behaviour,
+            "start": start,
+            "exam": [one.as_json() for one in exam],
+        },
+    )
+
+
+def live(
+    folder: Path,
+    configuration: Mapping[str, Any],
+    scenario: Mapping[str, Any],
+    seed: int,
+    minutes: int,
+    behaviour: str,
+    start: Mapping[str, Any],
+    exam: Sequence[Mapping[str, Any]],
+) -> Result:
+    """Drive and learn at once: what it predicts decides where it drives, and that decides what it learns.
+
+    Args:
+        folder: of what trials share.
+        configuration: the robot's, as JSON values.
+        scenario: the arena's, as JSON values.
+        seed: of layout, noise and controller.
+        minutes: whole minutes of the robot's time.
+        behaviour: the controller's name; it is given the newest published weights' predictions.
+        start: a `Start` as JSON values.
+        exam: drives that the weights are judged by.
+
+    Returns:
+        `minutes`: one object a minute with `collisions`, `metres`, `blocked_s`, and the `known_labels` and
+        `positive_labels` of frames that closed in it; `before` and `after`: mean AUC as `learning.means` gives it.
+    """
+    form, arena = RobotConfiguration.model_validate(configuration), Scenario.model_validate(scenario)
+    compiling.use(form.compute.compiled)
+    begun = Start.of(start)
+    learner = Learner(form)
+    learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
+    judge = exam_of(form, [Drive.of(one).recorded(folder) for one in exam])
+    before = means(judge, learner.trainer.weights())
+    robot = simulated_robot(form, arena, seed)
+    driven = rollout(robot, controller(behaviour, form, seed), form, 60.0 * minutes, seen_by(learner.predictor))
+    told: list[Result] = []
+    tally, labels = Tally(robot), np.zeros(2, np.int64)
+    ticks = 60 * (form.simulation.rate_hz if form.simulation else 0.0)
+    for tick, seen in enumerate(_learning(learner, form, driven), 1):
+        tally.add(seen)
+        if tick % round(ticks) == 0:
+            closed = learner.closed_counts.sum((0, 1))
+            new = (closed - labels).tolist()
+            told.append({**tally.told(), "known_labels": sum(new), "positive_labels": new[1]})
+            tally, labels = Tally(robot), closed
+    return {"minutes": told, "before": before, "after": means(judge, learner.trainer.weights())}
+
+
+def _learning(learner: Learner, form: RobotConfiguration, driven: Iterable[Observation]) -> Iterator[Observation]:
+    """The same observations, after the learner has taken each in as it would from the wire."""
+    wire, intake = Wire(form), Intake(form)
+    for seen in driven:
+        for message in wire.messages(seen):
+            for event in intake.events(message.topic, message.type, message.data, message.log_ns):
+                learner.take(event)
+                while learner.due():
+                    learner.step()
+        yield seen
+
+
+class Tally:
+    """What a drive costs and how far it goes, from now on.
+
+    Args:
+        robot: that drives.
+    """
+
+    def __init__(self, robot: SimulatedRobot) -> None:
+        self._robot, self._collisions = robot, robot.collisions
+        self._last: NDArray[np.float64] | None = None
+        self._last_ns: int | None = None
+        self._metres = self._blocked_s = 0.0
+
+    def add(self, seen: Observation) -> None:
+        """Count one tick."""
+        if self._last is not None and self._last_ns is not None:
+            self._metres += float(np.hypot(*(seen.true_pose[:2] - self._last)))
+            self._blocked_s += seen.collided * (seen.t_ns - self._last_ns) * 1e-9
+        self._last, self._last_ns = seen.true_pose[:2], seen.t_ns
+
+    def told(self) -> Result:
+        """Plain values."""
+        collisions = self._robot.collisions - self._collisions
+        return {"collisions": collisions, "metres": self._metres, "blocked_s": self._blocked_s}
+
+
+def _sight(folder: Path, form: RobotConfiguration, arena: Scenario, seed: int, sight: str | Mapping[str, Any]) -> Sight:
+    if sight == "truth":
+        return _truth(form, arena, seed)
+    targets = form.targets.build()
+    predictor = Predictor(form.network.preset, form.picture_shape, (len(targets), len(form.sensors)))
+    learner = Learner(form)
+    if isinstance(sight, Mapping):
+        begun = Start.of(sight)
+        learner.warm_start(begun.checkpoint(folder), memory=False)
+    elif sight != "untrained":
+        raise ValueError(f"sight: expected a start, 'untrained', 'truth' or None, got {sight!r}")
+    predictor.load(learner.trainer.weights(), version=1)
+    return seen_by(predictor)
+
+
+def _truth(form: RobotConfiguration, arena: Scenario, seed: int) -> Sight:
+    """An oracle: bits where the sensors would really feel something."""
+    if form.simulation is None:
+        raise ValueError(f"robot {form.robot.name!r}: its configuration has no [simulation]; add one")
+    truth, targets, bits = Truth(form.simulation, arena, seed), form.targets.build().poses, RangeBits(form.short_range)
+
+    def perceive(seen: Observation) -> NDArray[np.float32]:
+        return np.stack([bits(ranges) for ranges in truth.ranges(seen.true_pose, targets)]).astype(np.float32)
+
+    return perceive
