@@ -51,7 +51,7 @@ def test_what_is_unknown_teaches_nothing():
 
 
 def test_a_few_labels_of_one_class_change_little():
-    fit = Calibration.fit(np.full((3, 3, 2), 0.2), np.zeros((3, 3, 2), np.int8), BANDS)
+    fit = Calibration.fit(np.full((1, 3, 2), 0.2), np.zeros((1, 3, 2), np.int8), BANDS)
     assert abs(float(fit.apply(np.full((1, 3, 2), 0.2))[0, 0, 0]) - 0.2) < 0.05
 
 
