@@ -13,6 +13,7 @@ STUDIES = {
     "scratch": "from nothing in an unseen scenario: AUC against robot minutes; controllers; steps a second",
     "crossval": "the paper's experiment: train offline on eight scenarios, test on two; and leave one out",
     "adapt": "a new floor: warm-started with and without the memory, beside frozen and from nothing",
+    "window": "how long to trust odometry: labels, their truth and the AUC they lead to, by window",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
 }
 
