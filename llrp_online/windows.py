@@ -1,9 +1,10 @@
 """Which window is best for a robot? What each gives, and what its labels are worth, told by the robot's own data.
 
-A longer window knows more labels, and trusts odometry for longer. Of N labels whose bits correlate with the truth by r,
-a learner has as much as of N r^2 faultless ones (the attenuation of test theory; for balanced classes it is Angluin and
-Laird's (1 - 2 error)^2, 1988). The robot does not know the truth, but it knows what it felt when it came back to a place
-after so long (`replay.sightings`): that correlation, by age, stands for r.
+A longer window knows more labels, and trusts odometry for longer. Of N labels whose bits correlate with the truth by
+r, a learner has as much as of N r^2 faultless ones (the attenuation of test theory; for balanced classes and errors it
+is the (1 - 2 error)^2 of Angluin and Laird, Learning from noisy examples, 1988). The robot does not know the truth, but
+it knows what it felt when it came back to a place after so long (`replay.sightings`): that correlation, by age, stands
+for r.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +29,7 @@ UNLIMITED, DRIFT = "unlimited", "drift"
 #: A window is as good as the best if its labels are worth at least this share; of those the shortest is recommended.
 _AS_GOOD = 0.99
 #: An age is judged by at least so many bits felt twice, and so many of them 1 the first time.
-_FEWEST, _FEWEST_POSITIVE = 30, 3
+FEWEST, FEWEST_POSITIVE = 30, 3
 
 
 class Tally(NamedTuple):
@@ -38,14 +39,12 @@ class Tally(NamedTuple):
         frames: with a pose.
         known: labels.
         positive: of them.
-        weight: of the known ones together: the probability, summed, that a reading truly lay within tolerance.
         ages: (A,) int64, known labels by their age, between `AGES_S`.
     """
 
     frames: int
     known: int
     positive: int
-    weight: float
     ages: Counts
 
     @staticmethod
@@ -56,14 +55,15 @@ class Tally(NamedTuple):
         for stream, members in enumerate(streams):
             count, apart_s = known[:, :, members].sum(-1), found.apart_s[:, stream]
             some = count > 0
-            ages += np.histogram(apart_s[some], AGES_S, weights=count[some])[0].astype(np.int64)
-        posed, positive = int(found.posed.sum()), int((found.labels == 1).sum())
-        return Tally(posed, int(known.sum()), positive, float(found.weight.sum()), ages)
+            np.add.at(ages, _age(apart_s[some].astype(np.float64)), count[some])
+        return Tally(int(found.posed.sum()), int(known.sum()), int((found.labels == 1).sum()), ages)
 
     @staticmethod
     def together(parts: Sequence["Tally"]) -> "Tally":
         """Of several drives."""
-        return Tally(*(sum(column[1:], column[0]) for column in zip(*parts, strict=True)))
+        ages: Counts = np.stack([part.ages for part in parts]).sum(0)
+        frames, known = sum(part.frames for part in parts), sum(part.known for part in parts)
+        return Tally(frames, known, sum(part.positive for part in parts), ages)
 
     @property
     def per_frame(self) -> float:
@@ -72,7 +72,9 @@ class Tally(NamedTuple):
 
 
 def rules(rule: LabelRule, longest_s: float = np.inf) -> dict[str, LabelRule]:
-    """The windows to compare: name -> rule; the fixed ones ascending, `unlimited`, then `drift` without a limit in time.
+    """The windows to compare: name -> rule.
+
+    The fixed ones, ascending; `unlimited`; then `drift` without a limit in time.
 
     Args:
         rule: its tolerances and gate are kept.
@@ -90,9 +92,14 @@ def rules(rule: LabelRule, longest_s: float = np.inf) -> dict[str, LabelRule]:
     }
 
 
+def _age(apart_s: Floats) -> Counts:
+    """Which of the ages each time is: after one of `AGES_S` and not after the next; what is just now is the first."""
+    return np.clip(np.searchsorted(AGES_S, apart_s, "left") - 1, 0, len(AGES_S) - 2)
+
+
 def felt_twice(seen: Sightings, gate_m: float | None = None) -> Counts:
     """(A, 2, 2) int64: bits by the age between, what was felt first, and what again; with a gate, pairs known to it."""
-    age = np.clip(np.searchsorted(AGES_S, seen.apart_s, "left") - 1, 0, len(AGES_S) - 2)
+    age = _age(seen.apart_s)
     known = (seen.first >= 0) & (seen.again >= 0)
     if gate_m is not None:
         known &= (seen.deviation_m <= gate_m)[:, None]
@@ -120,7 +127,7 @@ def correlations(counts: Counts) -> Floats | None:
     """
     from scipy.optimize import isotonic_regression
 
-    enough = (counts.sum((1, 2)) >= _FEWEST) & (counts[:, 1].sum(1) >= _FEWEST_POSITIVE)
+    enough = (counts.sum((1, 2)) >= FEWEST) & (counts[:, 1].sum(1) >= FEWEST_POSITIVE)
     enough &= (counts.sum(1) > 0).all(1) & (counts.sum(2) > 0).all(1)
     if not enough.any():
         return None
@@ -132,17 +139,17 @@ def correlations(counts: Counts) -> Floats | None:
     return smooth[np.maximum(np.cumsum(enough) - 1, 0)]
 
 
-def worth(ages: Counts, by_age: Floats) -> float:
-    """How many faultless labels so many labels of these ages are worth.
+def worth(tally: Tally, by_age: Floats) -> float:
+    """How many faultless labels a frame the known ones are worth, if those of an age correlate so with the truth.
 
     A learner cannot tell the good from the bad, so the correlation of all is the mean of theirs.
     """
-    total = int(ages.sum())
-    return float((ages * by_age).sum()) ** 2 / total if total else 0.0
+    total = int(tally.ages.sum())
+    return float((tally.ages * by_age).sum()) ** 2 / total / max(tally.frames, 1) if total else 0.0
 
 
 def recommended(worths: Mapping[str, float]) -> str:
-    """The shortest of the fixed windows, in their order, that is as good as the best: a frame waits no longer than it must.
+    """The shortest of the fixed windows, ascending, that is as good as the best: a frame waits no longer than it must.
 
     >>> recommended({"1 s": 40.0, "2 s": 55.0, "5 s": 55.2, "unlimited": 50.0})
     '2 s'

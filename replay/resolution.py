@@ -110,7 +110,7 @@ def _some(store: Store, solver: Solver, frames_ns: NDArray[np.int64]) -> Labels:
     store.frames.columns.frame_id[rows] = np.arange(len(frames_ns))
     solver.take_frames(rows.start, rows.stop)
     frames, live = store.frames.columns, slice(rows.start, rows.stop)
-    apart_s = np.abs(frames.best_t_ns[live] - frames_ns[:, None, None]).astype(np.float32) * np.float32(1e-9)
+    apart_s = (np.abs(frames.best_t_ns[live] - frames_ns[:, None, None]) * 1e-9).astype(np.float32)
     apart_s[~np.isfinite(frames.best[live])] = np.nan
     found = solver.collect(rows.stop, only_closed=True)
     store.frames.clear()

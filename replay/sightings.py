@@ -7,6 +7,7 @@ test theory calls the reliability of a label of that age.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -51,13 +52,13 @@ def sightings(
 
     >>> t_ns = np.arange(5) * 1_000_000_000
     >>> there_and_back = np.array([[x, 0.0, 0.0] for x in (0.0, 0.1, 0.2, 0.1, 0.0)])
-    >>> drive = Drive(t_ns, there_and_back, None, t_ns, np.zeros(5, np.int64), np.array([[0], [0], [1], [1], [0]], np.int8), t_ns)
+    >>> bits = np.array([[0], [0], [1], [1], [0]], np.int8)
+    >>> drive = Drive(t_ns, there_and_back, None, t_ns, np.zeros(5, np.int64), bits, t_ns)
     >>> found = sightings(drive, [[0]], LabelRule(0.02), OdometryLimits(max_gap_s=2.0), lambda x, y, turn: (0.0,) * 4)
     >>> found.apart_s.tolist(), found.first.ravel().tolist(), found.again.ravel().tolist()
     ([4.0, 2.0], [0, 0], [0, 1])
     """
-    told = rule.__class__(rule.position_tolerance_m, rule.heading_tolerance_rad, rule.window_s, "drift", rule.gate_m)
-    store, _ = placed(drive, Targets.listed([[0.0, 0.0, 0.0]]), streams, told, limits, noise)
+    store, _ = placed(drive, Targets.listed([[0.0, 0.0, 0.0]]), streams, replace(rule, window="drift"), limits, noise)
     readings = store.readings.live
     first, again = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for stream in range(len(streams)):
@@ -70,7 +71,7 @@ def sightings(
     one, two = np.concatenate(first), np.concatenate(again)
     position = np.stack([readings.x_m[two], readings.y_m[two]], -1)
     covariance, _ = relative_covariance(readings.sums[one], readings.sums[two], position)
-    apart_s = (readings.t_ns[two] - readings.t_ns[one]) * 1e-9
+    apart_s = (readings.t_ns[two] - readings.t_ns[one]).astype(np.float64) * 1e-9
     return Sightings(apart_s, axes(covariance)[0], readings.bits[one], readings.bits[two])
 
 
@@ -82,7 +83,7 @@ def _revisits(
     here = rows[begin:]
     x, y, yaw = readings.x_m[here], readings.y_m[here], readings.yaw_rad[here]
     own = anchors - begin
-    apart = np.hypot(x - x[own, None], y - y[own, None])
+    apart: Floats = np.hypot(x - x[own, None], y - y[own, None])
     near = (apart <= rule.position_tolerance_m) & (readings.trajectory[here] == readings.trajectory[here[own], None])
     if rule.heading_tolerance_rad is not None:
         near &= np.abs(wrap(yaw - yaw[own, None])) <= rule.heading_tolerance_rad

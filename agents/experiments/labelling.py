@@ -33,8 +33,8 @@ def label(_folder: Path, drive: Mapping[str, Any]) -> Result:
         drive: a `Drive` as JSON values; its pictures are not needed, so it is not recorded.
 
     Returns:
-        `windows`: name -> what `judged` gives, and `worth`: the faultless labels a frame that those known are worth, as
-        the robot itself can tell (None: it cannot); `recommended`: the window it would recommend by that, or None.
+        `windows`: name -> what `judged` gives; `recommended`: the fixed window that the robot itself would recommend,
+        which does not know the truth (`llrp window`); None where it cannot tell.
     """
     form = RobotConfiguration.model_validate(drive["configuration"])
     compiling.use(form.compute.compiled)
@@ -50,13 +50,14 @@ def label(_folder: Path, drive: Mapping[str, Any]) -> Result:
         BLIND_DRIFT: (known.arrays._replace(covariances=None), compared[DRIFT]),
     }.items():
         labels = resolve(arrays, targets, streams, one, limits, noise)
-        tallies[name], told[name] = Tally.of(labels, streams), judged(labels, truth)
+        told[name] = judged(labels, truth)
+        if one.window == "fixed":
+            tallies[name] = Tally.of(labels, streams)
     by_age = windows.correlations(windows.felt_twice(sightings(known.arrays, streams, rule, limits, noise)))
-    worths = {} if by_age is None else {name: windows.worth(tally.ages, by_age) for name, tally in tallies.items()}
-    for name, tally in tallies.items():
-        told[name]["worth"] = worths[name] / max(tally.frames, 1) if worths else None
-    fixed = {name: value for name, value in worths.items() if compared.get(name, rule).window == "fixed"}
-    return {"windows": told, "recommended": windows.recommended(fixed) if fixed else None}
+    if by_age is None:
+        return {"windows": told, "recommended": None}
+    worths = {name: windows.worth(tally, by_age) for name, tally in tallies.items()}
+    return {"windows": told, "recommended": windows.recommended(worths)}
 
 
 def judged(found: Labels, truth: NDArray[np.int8]) -> dict[str, Any]:

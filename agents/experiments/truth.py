@@ -65,8 +65,8 @@ class Truth:
     """Casts the rays of a robot put somewhere: the same rays, origins and thresholds as it drives with, without noise.
 
     A pose beyond the walls, or in which the body would overlap an obstacle by more than the label rule's position
-    tolerance, is `NOWHERE`: even a reading a whole tolerance away could not have been taken. Where it overlaps by less, a sensor whose place
-    on the rim lies inside the obstacle feels it.
+    tolerance, is `NOWHERE`: even a reading a whole tolerance away could not have been taken. Where it overlaps by less,
+    a sensor whose place on the rim lies inside the obstacle feels it.
 
     Args:
         configuration: the robot's, with [simulation].

@@ -205,7 +205,7 @@ def _claim(what: str, found: Sequence[float], bar: float | None = None) -> Claim
 def _remark(cell: Cell, of: _Found) -> str:
     told = ", ".join(run["recommended"] or "nothing" for run in of.labelled)
     split = ", ".join(
-        f"{name} {100 * (of.middle(name, 'positives') or 0):.1f} % and {100 * (of.middle(name, 'negatives') or 0):.1f} %"
+        f"{name} {_percent(of.middle(name, 'positives'))} and {_percent(of.middle(name, 'negatives'))}"
         for name in dict.fromkeys((of.best, UNLIMITED, DRIFT))
     )
     return (
@@ -214,20 +214,24 @@ def _remark(cell: Cell, of: _Found) -> str:
     )
 
 
+def _percent(share: float | None) -> str:
+    return "none known" if share is None else f"{100 * share:.1f} %"
+
+
 def _story(size: Size) -> str:
     qualities = "; ".join(
         f"{name}: {noise_per_metre(_simulation(changed(_usual(), QUALITIES[name])))}" for name in size.qualities
     )
     return (
         f"{len(size.scenarios)} runs of {size.minutes:g} robot minutes, each its own scenario "
-        f"({', '.join(size.scenarios)}) and seed, by behaviour ({', '.join(BEHAVIOURS.values())}) and by quality of the "
-        f"odometry ({qualities}). A label is contradicted if the sensors, put without noise where the robot truly would "
-        "have stood at the target, would have said otherwise, or if no robot can stand there. A window is recommended if "
-        "its labels are worth most: their number times their squared correlation with the truth; the shortest within "
-        f"1 % of the best. Learners live one drive ({', '.join(size.learned)}) and are tried on two other layouts of the "
-        "scenario, driven with good odometry and labelled by the usual rule, the same for all. Values are medians over "
-        "runs, intervals resample runs; differences are paired by run, and the best fixed window is the one with the "
-        "highest median, chosen with hindsight, which drift has not."
+        f"({', '.join(size.scenarios)}) and seed, by behaviour ({', '.join(BEHAVIOURS.values())}) and by quality of "
+        f"the odometry ({qualities}). A label is contradicted if the sensors, put without noise where the robot truly "
+        "would have stood at the target, would have said otherwise, or if no robot can stand there. A window is "
+        "recommended if its labels are worth most: their number times their squared correlation with the truth; the "
+        f"shortest within 1 % of the best. Learners live one drive ({', '.join(size.learned)}) and are tried on two "
+        "other layouts of the scenario, driven with good odometry and labelled by the usual rule, the same for all. "
+        "Values are medians over runs, intervals resample runs; differences are paired by run, and the best fixed "
+        "window is the one with the highest median, chosen with hindsight, which drift has not."
     )
 
 

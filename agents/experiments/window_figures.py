@@ -40,4 +40,5 @@ def auc_by_window(panels: Mapping[str, Mapping[str, Sequence[float]]], marked: M
         axes.set_title(title, fontsize=TEXT_PT)
         dress(axes, "window", "mean AUC, 0 to 25 cm")
         axes.set_xticks(range(len(names)), ticks, fontsize=SMALL_PT)
+        axes.set_xlim(-0.5, len(names) - 0.5)
     return figure

@@ -79,6 +79,6 @@ def _draw(left: Axes, right: Axes, panel: WindowPanel, share_name: str) -> None:
     right.tick_params(labelsize=SMALL_PT, length=2.5)
     right.spines[["top"]].set_visible(False)
     ticks = [name.removesuffix(" s").replace("unlimited", "∞") for name in panel.names]
-    left.set_xticks([*steps, aside], [*ticks, "drift"], fontsize=SMALL_PT)
+    left.set_xticks(np.append(steps, aside), [*ticks, "drift"], fontsize=SMALL_PT)
     left.set_xlabel("window [s]", fontsize=TEXT_PT)
     left.set_title(panel.title, fontsize=TEXT_PT)
