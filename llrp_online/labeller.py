@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample, Reading
-from llrp_online.motion_noise import MotionNoise
 from llrp_online.synchroniser import Synchroniser
 from replay.trajectory import TrajectoryStore
 from replay.updates import Updates
@@ -57,11 +56,10 @@ class Labeller:
     """
 
     def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
-        sensors = configuration.short_range
-        streams = {t: [i for i, one in enumerate(sensors) if one.topic == t] for t in configuration.range_topics}
+        streams = configuration.streams
         # None: the stream speaks for all sensors.
         self._streams = {
-            topic: (index, None if len(members) == len(sensors) else members)
+            topic: (index, None if len(members) == len(configuration.sensors) else members)
             for index, (topic, members) in enumerate(streams.items())
         }
         odometry = configuration.odometry
@@ -71,15 +69,11 @@ class Labeller:
             list(streams.values()),
             configuration.labels.rule(),
             odometry.limits(),
-            MotionNoise(
-                odometry.heading_noise_rad_per_sqrt_rad,
-                odometry.heading_noise_rad_per_sqrt_m,
-                odometry.position_noise_m_per_sqrt_m,
-            ),
+            odometry.noise(),
             budget_bytes=round(configuration.memory.store_mb * 1e6),
             only_closed=only_closed,
         )
-        self._only_closed = only_closed
+        self._only_closed, self._trust_covariance = only_closed, odometry.trust_covariance
         self.next_id = first_id
 
     @property
@@ -93,7 +87,8 @@ class Labeller:
     def take(self, event: Event) -> Outcome:
         """Take in one event."""
         if isinstance(event, OdometrySample):
-            return Outcome([], self.store.add_odometry(event.t_ns, event.pose, event.covariance))
+            covariance = event.covariance if self._trust_covariance else None
+            return Outcome([], self.store.add_odometry(event.t_ns, event.pose, covariance))
         if isinstance(event, Reading):
             stream, sensors = self._streams[event.topic]
             bits = event.bits if sensors is None else event.bits[sensors]

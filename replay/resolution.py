@@ -50,11 +50,14 @@ class Labels(NamedTuple):
         labels: (F, T, S) int8: 1, 0, -1 unknown.
         weight: (F, T, S) float32 in [0, 1]; 0 where unknown.
         posed: (F,) bool: odometry told where the frame was taken.
+        apart_s: (F, streams, T) float32: time between the frame and the reading that labels the target; NaN where none
+            does.
     """
 
     labels: NDArray[np.int8]
     weight: NDArray[np.float32]
     posed: NDArray[np.bool_]
+    apart_s: NDArray[np.float32]
 
 
 def resolve(
@@ -72,6 +75,19 @@ def resolve(
     >>> resolve(still, Targets.line(0.0, 0.1, 0.1), [[0]], LabelRule(0.02), OdometryLimits()).labels[:, :, 0]
     array([[ 1, -1]], dtype=int8)
     """
+    store, solver = placed(drive, targets, streams, rule, limits, noise)
+    return _joined([_some(store, solver, drive.frames_ns[at : at + _AT_ONCE]) for at in _starts(len(drive.frames_ns))])
+
+
+def placed(
+    drive: Drive,
+    targets: Targets,
+    streams: Sequence[Sequence[int]],
+    rule: LabelRule,
+    limits: OdometryLimits,
+    noise: StepNoise | None = None,
+) -> tuple[Store, Solver]:
+    """A store that holds the drive's odometry and its readings, each where the robot was, and no frame yet."""
     store = Store.empty(targets, streams, rule, limits, noise)
     covariances = [None] * len(drive.poses) if drive.covariances is None else drive.covariances
     for t_ns, pose, covariance in zip(drive.odometry_ns.tolist(), drive.poses.tolist(), covariances, strict=True):
@@ -80,7 +96,7 @@ def resolve(
     store.readings.columns.stream[rows], store.readings.columns.bits[rows] = drive.stream, drive.bits
     solver = Solvers(store).now
     solver.take_odometry(Settled(EARLIEST_NS, LATEST_NS, late=True, rejoined=True))
-    return _joined([_some(store, solver, drive.frames_ns[at : at + _AT_ONCE]) for at in _starts(len(drive.frames_ns))])
+    return store, solver
 
 
 def _starts(frames: int) -> range:
@@ -93,9 +109,12 @@ def _some(store: Store, solver: Solver, frames_ns: NDArray[np.int64]) -> Labels:
     rows = store.frames.extend(frames_ns)
     store.frames.columns.frame_id[rows] = np.arange(len(frames_ns))
     solver.take_frames(rows.start, rows.stop)
+    frames, live = store.frames.columns, slice(rows.start, rows.stop)
+    apart_s = (np.abs(frames.best_t_ns[live] - frames_ns[:, None, None]) * 1e-9).astype(np.float32)
+    apart_s[~np.isfinite(frames.best[live])] = np.nan
     found = solver.collect(rows.stop, only_closed=True)
     store.frames.clear()
-    return Labels(found.labels, found.weight, found.posed)
+    return Labels(found.labels, found.weight, found.posed, apart_s)
 
 
 def _joined(parts: list[Labels]) -> Labels:

@@ -15,6 +15,7 @@ STUDIES = {
     "adapt": "a new floor: warm-started with and without the memory, beside frozen and from nothing",
     "control": "driving on predictions: collisions by minutes learned; what avoiding does to the labels",
     "calibration": "do probabilities mean what they say: ECE by distance, before and after online scaling",
+    "window": "how long to trust odometry: labels, their truth and the AUC they lead to, by window",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
 }
 

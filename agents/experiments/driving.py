@@ -12,11 +12,12 @@ from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
 from agents.experiments.learning import Start, means
 from agents.experiments.trial import Result, Trial
+from agents.experiments.truth import NOWHERE, Truth
 from agents.intake import Intake
 from agents.robots.simulated import Observation, Scenario, SimulatedRobot
-from agents.robots.simulated.truth import Truth
+from agents.robots.simulated.layout import Layout
 from agents.robots.wire import Wire
-from agents.rollout import RangeBits, rollout, seen_by
+from agents.rollout import rollout, seen_by
 from agents.simulated_drive import simulated_robot
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.learner import Learner
@@ -211,11 +212,11 @@ def _sight(folder: Path, form: RobotConfiguration, arena: Scenario, seed: int, s
 
 def _truth(form: RobotConfiguration, arena: Scenario, seed: int) -> Sight:
     """An oracle: bits where the sensors would really feel something."""
-    if form.simulation is None:
-        raise ValueError(f"robot {form.robot.name!r}: its configuration has no [simulation]; add one")
-    truth, targets, bits = Truth(form.simulation, arena, seed), form.targets.build().poses, RangeBits(form.short_range)
+    truth = Truth(form, Layout.draw(arena, seed))
 
     def perceive(seen: Observation) -> NDArray[np.float32]:
-        return np.stack([bits(ranges) for ranges in truth.ranges(seen.true_pose, targets)]).astype(np.float32)
+        labels = truth.labels(seen.true_pose[None])[0]
+        # Where it could not even stand, something is in the way.
+        return np.where(labels == NOWHERE, 1, labels).astype(np.float32)
 
     return perceive

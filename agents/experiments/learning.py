@@ -62,8 +62,10 @@ def learning(
     *,
     start: Start | None = None,
     frozen: bool = False,
+    examiner: RobotConfiguration | None = None,
 ) -> Trial:
     """A trial of `learn`."""
+    judged = {} if examiner is None else {"examiner": examiner.model_dump(mode="json")}
     return Trial(
         "agents.experiments.learning:learn",
         {
@@ -73,6 +75,7 @@ def learning(
             "marks_s": list(marks_s),
             "start": None if start is None else asdict(start),
             "frozen": frozen,
+            **judged,
         },
     )
 
@@ -85,6 +88,7 @@ def learn(
     marks_s: Sequence[float],
     start: Mapping[str, Any] | None,
     frozen: bool,
+    examiner: Mapping[str, Any] | None = None,
 ) -> Result:
     """Live through drives, in order; the score of the weights at each mark on drives held out.
 
@@ -96,6 +100,7 @@ def learn(
         marks_s: robot seconds, ascending.
         start: a `Start` as JSON values; None: from nothing.
         frozen: never take a step.
+        examiner: configuration that the exams are labelled by, as JSON values; None: the learner's own.
 
     Returns:
         `marks`: one object a mark with `lived_s`, `steps`, `known_labels`, `positive_labels`, and for each exam its
@@ -103,6 +108,7 @@ def learn(
         `weights_sha256` of the end.
     """
     form = RobotConfiguration.model_validate(configuration)
+    judge = form if examiner is None else RobotConfiguration.model_validate(examiner)
     compiling.use(form.compute.compiled)
     learner, marks = Learner(form), list[Result]()
     if start is not None:
@@ -110,7 +116,7 @@ def learn(
         learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
     learner.paused = frozen
     tried = {
-        name: exam_of(form, [Drive.of(drive).recorded(folder) for drive in drives]) for name, drives in exams.items()
+        name: exam_of(judge, [Drive.of(drive).recorded(folder) for drive in drives]) for name, drives in exams.items()
     }
 
     def reached(lived_s: float) -> None:

@@ -60,6 +60,14 @@ class RobotConfiguration(Table):
         return list(dict.fromkeys(sensor.topic for sensor in self.short_range))
 
     @property
+    def streams(self) -> dict[str, list[int]]:
+        """Each range topic with the sensors it speaks for, by their index."""
+        return {
+            topic: [index for index, sensor in enumerate(self.short_range) if sensor.topic == topic]
+            for topic in self.range_topics
+        }
+
+    @property
     def picture_shape(self) -> tuple[int, int, int]:
         """(height, width, channels) of what the network sees: the cameras' RGB stacked along the channels."""
         return self.camera[0].height, self.camera[0].width, 3 * len(self.camera)

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from llrp_online.motion_noise import MotionNoise
 from replay.rule import LabelRule, OdometryLimits
 from replay.targets import Targets
 
@@ -46,6 +47,9 @@ class Odometry(Table):
     max_gap_s: float = Field(default=0.5, gt=0, description="samples further apart in time end the trajectory [s]")
     max_speed_m_s: float = Field(default=3.0, gt=0, description="samples further apart in space are a pose jump [m/s]")
     max_delay_s: float = Field(default=1.0, ge=0, description="how late a message may come and still count [s]")
+    trust_covariance: bool = Field(
+        default=True, description="take the covariance that comes with the odometry; false: the noise given below"
+    )
     heading_noise_rad_per_sqrt_rad: float = Field(
         default=0.03, ge=0, description="heading deviation after a turn of one radian, where no covariance is given"
     )
@@ -59,6 +63,12 @@ class Odometry(Table):
     def limits(self) -> OdometryLimits:
         """The same, as the trajectory store takes it."""
         return OdometryLimits(self.max_gap_s, self.max_speed_m_s, self.max_delay_s)
+
+    def noise(self) -> MotionNoise:
+        """Of a step for which no covariance is given."""
+        return MotionNoise(
+            self.heading_noise_rad_per_sqrt_rad, self.heading_noise_rad_per_sqrt_m, self.position_noise_m_per_sqrt_m
+        )
 
 
 class ShortRange(Table):

@@ -14,5 +14,16 @@ from llrp_online.figures.examples import examples
 from llrp_online.figures.known_labels import known_labels
 from llrp_online.figures.style import png
 from llrp_online.figures.trajectory import trajectory
+from llrp_online.figures.windows import WindowPanel, windows
 
-__all__ = ["auc_by_distance", "auc_map", "examples", "known_labels", "learning_curve", "png", "trajectory"]
+__all__ = [
+    "WindowPanel",
+    "auc_by_distance",
+    "auc_map",
+    "examples",
+    "known_labels",
+    "learning_curve",
+    "png",
+    "trajectory",
+    "windows",
+]

@@ -10,24 +10,9 @@ from agents.experiments.drives import Drive
 from agents.experiments.driving import driving, living
 from agents.experiments.learning import Start
 from agents.experiments.settings import configuration_of, robot_of, scenario
-from agents.robots.simulated import Scenario
-from agents.robots.simulated.truth import Truth
-from agents.simulated_drive import simulated_robot
 from llrp_online.configuration.running import Control
 
 USUAL = configuration_of("thymio")
-
-
-def test_truth_where_the_robot_is_agrees_with_what_it_feels() -> None:
-    assert USUAL.simulation
-    simulation = USUAL.simulation.model_copy(update={"range_noise_m": 0.0})
-    form = USUAL.model_copy(update={"simulation": simulation})
-    arena = Scenario.model_validate(scenario("tiles"))
-    robot, truth = simulated_robot(form, arena, 3, camera=False), Truth(simulation, arena, 3)
-    felt = [robot.step(0.12, 0.0) for _ in range(300)]
-    assert any(np.isfinite(seen.ranges).any() for seen in felt)
-    for seen in felt:
-        np.testing.assert_array_equal(truth.ranges(seen.true_pose, np.zeros((1, 3)))[0], seen.ranges)
 
 
 def test_an_oracle_goes_far_and_seldom_touches_anything(tmp_path: Path) -> None:

@@ -34,6 +34,22 @@ class Proximity:
 
     def ranges(self, pose: Floats) -> Floats:
         """(S,) float64 [m] from a robot at `pose`, right to left."""
+        true_m = self._nearest(pose)
+        noisy_m = np.maximum(true_m + self._noise_m * self._rng.standard_normal(len(true_m)), 0.0)
+        return np.where(noisy_m <= self._reach_m, noisy_m, np.inf)
+
+    def true_ranges(self, pose: Floats) -> Floats:
+        """(S,) float64 [m], as `ranges` without noise; draws nothing from its random numbers."""
+        true_m = self._nearest(pose)
+        return np.where(true_m <= self._reach_m, true_m, np.inf)
+
+    def places_m(self, pose: Floats) -> Floats:
+        """(S, 2) float64 [m]: where the sensors of a robot at `pose` are in the arena, right to left."""
+        x, y, yaw = pose.tolist()
+        return np.array([x, y]) + turned(self._origins_m, math.cos(yaw), math.sin(yaw))[:, :2]
+
+    def _nearest(self, pose: Floats) -> Floats:
+        """(S,) float64 [m] to the nearest thing within the cutoff, inf where there is none."""
         x, y, yaw = pose.tolist()
         position = x, y, math.cos(yaw), math.sin(yaw)
         true_m = np.empty(len(self._rays))
@@ -42,8 +58,7 @@ class Proximity:
             self._follow(*position, true_m)
         else:
             kernels.nearest(position, self._origins_m, self._rays, self._world.solids, self._cutoff_m, true_m)
-        noisy_m = np.maximum(true_m + self._noise_m * self._rng.standard_normal(len(true_m)), 0.0)
-        return np.where(noisy_m <= self._reach_m, noisy_m, np.inf)
+        return true_m
 
     def _follow(self, x_m: float, y_m: float, cos: float, sin: float, true_m: Floats) -> None:
         """What each sensor would feel without noise, ray by ray: the reference."""
