@@ -79,19 +79,6 @@ def test_labels_of_one_correlation_are_worth_its_square_each(ages, correlation):
     assert worth == pytest.approx(sum(ages) / 10 * correlation**2)
 
 
-@given(st.integers(1, 1000), st.integers(1, 1000), st.floats(0.2, 1.0))
-def test_labels_add_worth_if_they_correlate_more_than_half_as_well(many, more, correlation):
-    """d(worth)/dN = r(2 r_new - r): so a few labels pay above half the correlation, and cost below it."""
-    ages, by_age = np.zeros(AGES), np.full(AGES, correlation)
-    ages[0] = many
-    before = windows.worth(Tally(1, many, 0, ages), by_age)
-    ages = ages.copy()
-    ages[1] = more / 1e5 * many
-    for share in (0.55, 0.45):
-        by_age[1] = share * correlation
-        assert (windows.worth(Tally(1, ages.sum(), 0, ages), by_age) > before) == (share > 0.5)
-
-
 def test_the_windows_compared_keep_tolerances_and_leave_out_what_no_drive_tells_apart():
     rule = LabelRule(0.02, 0.3, 7.0, "fixed", 0.05)
     compared = windows.rules(rule, longest_s=25.0)
