@@ -50,11 +50,10 @@ def rollout(
 
     With `perceive` the controller is given what that says of the newest tick with a picture, (T, S); see `seen_by`.
     """
-    if configuration.simulation is None:
-        raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation] table; add one")
+    rate_hz = configuration.simulated().rate_hz
     bits_of = RangeBits(configuration.short_range)
     command, prediction = (0.0, 0.0), None
-    for _ in range(round(seconds * configuration.simulation.rate_hz)):
+    for _ in range(round(seconds * rate_hz)):
         seen = robot.step(*command)
         yield seen
         if perceive is not None and seen.picture is not None:

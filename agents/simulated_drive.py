@@ -16,11 +16,9 @@ def simulated_robot(
     configuration: RobotConfiguration, scenario: Scenario, seed: int, *, camera: bool = True
 ) -> SimulatedRobot:
     """The simulated robot of a configuration in a scenario; ValueError without [simulation]."""
-    if configuration.simulation is None:
-        raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation] table; add one")
     height, width, _ = configuration.picture_shape
     picture = (height, width) if camera else None
-    return SimulatedRobot(configuration.simulation, scenario, seed, picture)
+    return SimulatedRobot(configuration.simulated(), scenario, seed, picture)
 
 
 def record_drive(
@@ -33,11 +31,10 @@ def record_drive(
 ) -> int:
     """Drive the simulated robot in virtual time and record what it senses; the messages written."""
     robot, wire = simulated_robot(configuration, scenario, seed), Wire(configuration)
-    rate_hz = 0.0 if configuration.simulation is None else configuration.simulation.rate_hz
     drive = rollout(robot, controller(behaviour, configuration, seed), configuration, 60 * minutes)
     output.parent.mkdir(parents=True, exist_ok=True)
     with Writer(output, messages.definition) as writer:
-        for seen in track(drive, "driving", round(60 * minutes * rate_hz)):
+        for seen in track(drive, "driving", round(60 * minutes * configuration.simulated().rate_hz)):
             for message in wire.messages(seen):
                 writer.write(message)
     return writer.messages

@@ -22,7 +22,7 @@ from llrp_online.pace import Pace
 from llrp_online.predictor import Predictor
 from llrp_online.prequential import Prequential
 from llrp_online.publisher import Publisher, Version
-from llrp_online.status import LearnerStatus, whole_minutes
+from llrp_online.status import LearnerStatus
 from llrp_online.trainer import Trainer
 from replay.buffer import BufferSettings, ReplayBuffer
 from replay.updates import Updates
@@ -177,11 +177,6 @@ class Learner:
         published = self.publisher.published
         self._build()
         self.publisher.go_on_from(published)
-
-    @property
-    def minutes(self) -> int:
-        """Whole robot minutes lived."""
-        return whole_minutes(self.pace.lived_s)
 
     def status(self) -> LearnerStatus:
         """What it has to say of itself."""

@@ -28,9 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Label and write."""
     configuration = options.load_configuration(arguments)
-    options.make_folder(arguments.output.parent)
-    if arguments.output.is_dir():
-        raise ValueError(f"{arguments.output}: cannot be written: it is a folder; name a file in it")
+    options.make_room(arguments.output)
     shape = (len(configuration.targets.build()), len(configuration.sensors))
     arrays = as_arrays(labels_of(configuration, arguments.recording), shape)
     write_npz(arguments.output, arrays)

@@ -67,6 +67,13 @@ def make_folder(folder: Path) -> None:
         raise ValueError(f"{folder}: cannot be written in: no right to")
 
 
+def make_room(file: Path) -> None:
+    """The folder of a file that a command will write; a folder in the file's place is an error before the work."""
+    make_folder(file.parent)
+    if file.is_dir():
+        raise ValueError(f"{file}: cannot be written: it is a folder; name a file in it")
+
+
 def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> None:
     """--minutes."""
     shown = "no end" if math.isinf(default) else f"{default:g}"

@@ -58,12 +58,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def trained(configuration: RobotConfiguration, buffer: ReplayBuffer, steps: int) -> tuple[Trainer, float | None]:
     """A trainer after so many steps over the buffer, and its last loss (None without a step)."""
-    trainer, loss = Trainer(configuration), None
+    trainer, loss, counts = Trainer(configuration), None, buffer.class_counts
     for _ in track(range(steps), "training", steps):
         batch = buffer.sample(configuration.training.batch)
         if batch is None:
             raise ValueError("no labelled frame to train on: see `llrp check RECORDING` for the cause")
-        loss = trainer.step(batch, buffer.class_counts)
+        loss = trainer.step(batch, counts)
     return trainer, loss
 
 

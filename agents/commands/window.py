@@ -44,9 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the page, print."""
     configuration = options.load_configuration(arguments)
-    options.make_folder(arguments.output.parent)
-    if arguments.output.is_dir():
-        raise ValueError(f"{arguments.output}: cannot be written: it is a folder; name a file in it")
+    options.make_room(arguments.output)
     answer = compare(
         configuration, [drive_of(configuration, path) for path in track_files(arguments.recordings, "reading")]
     )

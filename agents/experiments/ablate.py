@@ -12,7 +12,6 @@ from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import learning
 from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
-from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 
 _USUAL = "as configured"
@@ -100,6 +99,5 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
 def _gains(size: Size, runs: Mapping[str, Sequence[Marks]], form: str) -> Iterator[Claim]:
     gains = values(runs[form], "new") - values(runs[_USUAL], "new")
     for mark_s, column in zip(size.marks_s, gains.T, strict=True):
-        if len(known := column[~np.isnan(column)]):
-            middle, interval = median(known)
-            yield Claim(f"{form}, after {time(mark_s)}", middle, None, interval, f"{len(known)} pairs")
+        if not np.isnan(column).all():
+            yield Claim.median(f"{form}, after {time(mark_s)}", column, "{} pairs")

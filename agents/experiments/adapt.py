@@ -3,15 +3,11 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from agents.experiments.curves import Marks, curves, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
 from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, scenarios, with_seed
-from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 
 _WARM, _FORGETFUL, _FROZEN, _SCRATCH = "warm start with memory", "warm start, weights alone", "frozen", "from nothing"
@@ -87,21 +83,15 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
 def _claims(size: Size, runs: dict[str, list[Marks]], n: str) -> Iterator[Claim]:
     new = values(runs[_WARM], "new")
     at = {int(mark_s): column for mark_s, column in zip(size.marks_s, new.T, strict=True)}
-    yield _claim("new floor, at once", at[0], 0.87, n)
+    yield Claim.median("new floor, at once", at[0], n, 0.87)
     if 180 in at:
-        yield _claim("new floor, after 3 minutes", at[180], 0.91, n)
-    yield _claim("new floor, after the last mark", new[:, -1], None, n)
-    yield _claim("deepest fall below the start on the new floor", (new[:, :1] - new).max(1), 0.02, n, at_most=True)
+        yield Claim.median("new floor, after 3 minutes", at[180], n, 0.91)
+    yield Claim.median("new floor, after the last mark", new[:, -1], n)
+    yield Claim.median(
+        "deepest fall below the start on the new floor", (new[:, :1] - new).max(1), n, 0.02, at_most=True
+    )
     for form, bar in ((_WARM, 0.005), (_FORGETFUL, None)):
         old = values(runs[form], "old")
-        yield _claim(f"lost on the old floors, {form}", old[:, 0] - old[:, -1], bar, n, at_most=True)
+        yield Claim.median(f"lost on the old floors, {form}", old[:, 0] - old[:, -1], n, bar, at_most=True)
     for form in (_FORGETFUL, _FROZEN, _SCRATCH):
-        yield _claim(f"new floor at the end, {form}", values(runs[form], "new")[:, -1], None, n)
-
-
-def _claim(what: str, found: NDArray[np.float64], bar: float | None, n: str, *, at_most: bool = False) -> Claim:
-    known = found[~np.isnan(found)]
-    if not len(known):
-        return Claim(what, None, bar, None, n, at_most)
-    middle, interval = median(known)
-    return Claim(what, middle, bar, interval, n, at_most)
+        yield Claim.median(f"new floor at the end, {form}", values(runs[form], "new")[:, -1], n)

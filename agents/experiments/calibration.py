@@ -13,7 +13,6 @@ from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, with_seed
-from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 from agents.replayed import Marks, learn_over
 from llrp_online.calibration import Calibration
@@ -175,17 +174,11 @@ def _claims(results: Sequence[Result]) -> Iterator[Claim]:
         for form in (_BEFORE, _SCALE, _BOTH):
             for band, edges in enumerate(results[0]["bands"]):
                 bar = _BAR if form == _BOTH and where == _STREAM else None
-                yield _claim(f"ECE, {_name(edges)}, {form}, {where}", [run[where][form][band] for run in results], bar)
+                errors = [run[where][form][band]["ece"] for run in results]
+                yield Claim.median(f"ECE, {_name(edges)}, {form}, {where}", errors, "{} runs", bar, at_most=True)
     for form in (_BEFORE, _SCALE, _BOTH):
         whole = [_mean(run[_STREAM][form], "brier") for run in results]
-        middle, interval = median(whole)
-        yield Claim(f"Brier score, {form}, {_STREAM}", middle, None, interval, f"{len(whole)} runs", at_most=True)
-
-
-def _claim(what: str, bands: Sequence[Result], bar: float | None) -> Claim:
-    known = [band["ece"] for band in bands if band["ece"] is not None]
-    middle, interval = median(known) if known else (None, None)
-    return Claim(what, middle, bar, interval, f"{len(known)} runs", at_most=True)
+        yield Claim.median(f"Brier score, {form}, {_STREAM}", whole, "{} runs", at_most=True)
 
 
 def _mean(bands: Sequence[Result], measure: str) -> float:

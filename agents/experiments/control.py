@@ -1,7 +1,7 @@
 """Driving on predictions alone: collisions by minutes learned, and what avoiding does to the labels it learns from."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +13,9 @@ from agents.experiments.driving import driving, living
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start
 from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
-from agents.experiments.statistics import median
+from agents.experiments.statistics import ratio
 from agents.experiments.trial import Result, Trial
+from llrp_online.configuration import RobotConfiguration
 from llrp_online.figures.style import LINES, TEXT_PT, dress, new_figure
 
 _REFLEX, _BLIND, _ORACLE = "the reflex", "random driving", "avoiding with true clearance"
@@ -70,13 +71,14 @@ def _judged(size: Size) -> Iterator[tuple[str, Trial]]:
     usual = configuration_of("thymio")
     for name in size.scenarios:
         for seed in size.seeds:
-            form, arena, layout = with_seed(usual, seed), scenario(name), _UNSEEN + seed
+            form = with_seed(usual, seed).model_dump(mode="json")
+            avoid = Drive(form, scenario(name), _UNSEEN + seed, size.minutes, "avoid")
             for minutes in size.learned_minutes:
                 sight = asdict(_start(usual, name, seed, minutes)) if minutes else "untrained"
-                yield _learned(minutes), driving(form, arena, layout, size.minutes, "avoid", sight=sight)
-            yield _ORACLE, driving(form, arena, layout, size.minutes, "avoid", sight="truth")
-            yield _REFLEX, driving(form, arena, layout, size.minutes, "reflex")
-            yield _BLIND, driving(form, arena, layout, size.minutes, "blind")
+                yield _learned(minutes), driving(avoid, sight=sight)
+            yield _ORACLE, driving(avoid, sight="truth")
+            yield _REFLEX, driving(replace(avoid, behaviour="reflex"))
+            yield _BLIND, driving(replace(avoid, behaviour="blind"))
 
 
 def _lived(size: Size) -> Iterator[tuple[str, Trial]]:
@@ -87,12 +89,12 @@ def _lived(size: Size) -> Iterator[tuple[str, Trial]]:
         for name in size.lived_scenarios:
             exam = [Drive(robot_of(usual), scenario(name), HELD_OUT + i, size.exam_minutes) for i in (0, 1)]
             for seed in size.seeds:
-                form = with_seed(changed(usual, changes), seed)
-                start = asdict(_start(usual, name, seed, minutes))
-                yield life, living(form, scenario(name), seed, size.lived_minutes, behaviour, start, exam)
+                form = with_seed(changed(usual, changes), seed).model_dump(mode="json")
+                drive = Drive(form, scenario(name), seed, float(size.lived_minutes), behaviour)
+                yield life, living(drive, asdict(_start(usual, name, seed, minutes)), exam)
 
 
-def _start(form: Any, name: str, seed: int, minutes: int) -> Start:
+def _start(form: RobotConfiguration, name: str, seed: int, minutes: int) -> Start:
     lived = Drive(robot_of(form), scenario(name), seed, float(minutes))
     return Start(with_seed(form, seed).model_dump(mode="json"), [lived])
 
@@ -138,35 +140,17 @@ def _driving_claims(size: Size, judged: Mapping[str, Sequence[Result]]) -> Itera
     n = f"{len(count[_REFLEX])} runs: {len(size.scenarios)} scenarios x {len(size.seeds)} seeds"
     for way, runs in judged.items():
         for what in ("collisions", "metres"):
-            middle, interval = median(_per_ten_minutes(size, runs, what))
-            yield Claim(f"{what} in 10 min, {way}", middle, None, interval, n)
+            yield Claim.median(f"{what} in 10 min, {way}", _per_ten_minutes(size, runs, what), n)
     last = count[_learned(size.learned_minutes[-1])]
-    # The ratio of sums, not of medians: half of all runs may have no collision at all.
-    ratio, interval = _ratio(last, count[_BLIND])
-    yield Claim(
-        "collisions after the longest learning, as a share of random driving's",
-        ratio,
-        _RATIO_BAR,
-        interval,
-        n,
-        at_most=True,
-    )
-    more, interval = median(last - count[_REFLEX])
-    yield Claim("collisions after the longest learning, less the reflex's", more, 0.0, interval, n, at_most=True)
+    share, interval = ratio(last, count[_BLIND])
+    beside_random = "collisions after the longest learning, as a share of random driving's"
+    yield Claim(beside_random, share, _RATIO_BAR, interval, n, at_most=True)
+    beside_reflex = "collisions after the longest learning, less the reflex's"
+    yield Claim.median(beside_reflex, last - count[_REFLEX], n, 0.0, at_most=True)
 
 
 def _per_ten_minutes(size: Size, runs: Sequence[Result], what: str) -> NDArray[np.float64]:
     return np.array([run[what] for run in runs], np.float64) * 10 / size.minutes
-
-
-def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> tuple[float | None, tuple[float, float] | None]:
-    """Ratio of sums with its interval over resampled pairs; None where nothing is below."""
-    drawn = np.random.default_rng(0).integers(0, len(above), (2000, len(above)))
-    divisors = below[drawn].sum(1)
-    if not below.sum() or not divisors.all():
-        return None, None
-    low, high = np.percentile(above[drawn].sum(1) / divisors, [2.5, 97.5])
-    return float(above.sum() / below.sum()), (float(low), float(high))
 
 
 def _living_claims(lived: Mapping[str, Sequence[Result]]) -> Iterator[Claim]:
@@ -176,24 +160,16 @@ def _living_claims(lived: Mapping[str, Sequence[Result]]) -> Iterator[Claim]:
         for part, name in ((slice(None, half), "first half"), (slice(half, None), "second half")):
             shares = [share for run in runs if (share := _positive_share(run["minutes"][part])) is not None]
             if shares:
-                yield Claim(f"share of positive labels, {life}, {name}", *_middle(shares), n=n)
+                yield Claim.median(f"share of positive labels, {life}, {name}", shares, n)
         gains = [
             run["after"]["far"] - run["before"]["far"]
             for run in runs
             if None not in (run["after"]["far"], run["before"]["far"])
         ]
         if gains:
-            yield Claim(f"AUC gained in that time, {life}", *_middle(gains), n=n)
-        yield Claim(
-            f"collisions a minute, {life}",
-            *_middle([float(np.mean([m["collisions"] for m in run["minutes"]])) for run in runs]),
-            n=n,
-        )
-
-
-def _middle(values: Sequence[float]) -> tuple[float, None, tuple[float, float]]:
-    middle, interval = median(values)
-    return middle, None, interval
+            yield Claim.median(f"AUC gained in that time, {life}", gains, n)
+        a_minute = [float(np.mean([minute["collisions"] for minute in run["minutes"]])) for run in runs]
+        yield Claim.median(f"collisions a minute, {life}", a_minute, n)
 
 
 def _positive_share(minutes: Sequence[Result]) -> float | None:

@@ -13,7 +13,6 @@ from agents.commands.train import STEPS, remember, trained
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.settings import configuration_of, robot_of, scenario, scenarios, with_seed
-from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
@@ -130,22 +129,14 @@ def _claims(found: Mapping[str, Mapping[str, Sequence[Score]]]) -> Iterator[Clai
         scores = [score for scores in by.values() for score in scores]
         asked = form == _OURS
         n = f"{len(by)} scenarios left out"
-        yield _claim(f"{form}: mean AUC at 0 to 25 cm", [_far(s) for s in scores], _FAR_BAR if asked else None, n)
+        yield Claim.median(f"{form}: mean AUC at 0 to 25 cm", [_far(s) for s in scores], n, _FAR_BAR if asked else None)
         best = [_at(score, *_BEST_M) for score in scores]
-        yield _claim(f"{form}: AUC at 4 to 8 cm, centre", best, _BEST_BAR if asked else None, n)
+        yield Claim.median(f"{form}: AUC at 4 to 8 cm, centre", best, n, _BEST_BAR if asked else None)
     for name, scores in found[_OURS].items():
         far = mean_auc(scores[0], _FAR_M)
         yield Claim(
             f"{name} left out: mean AUC at 0 to 25 cm", far[0] if far[1] else None, None, None, f"{far[1]} cells"
         )
-
-
-def _claim(what: str, values: Sequence[float], bar: float | None, n: str) -> Claim:
-    known = [value for value in values if not np.isnan(value)]
-    if not known:
-        return Claim(what, None, bar, None, n)
-    middle, interval = median(known)
-    return Claim(what, middle, bar, interval, n)
 
 
 def _far(score: Score) -> float:

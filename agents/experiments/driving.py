@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from agents.behaviours import controller
 from agents.commands.evaluate import exam_of
+from agents.controllers import Controller
 from agents.experiments.drives import Drive
 from agents.experiments.learning import Start, means
 from agents.experiments.trial import Result, Trial
@@ -19,115 +20,55 @@ from agents.robots.simulated.layout import Layout
 from agents.robots.wire import Wire
 from agents.rollout import rollout, seen_by
 from agents.simulated_drive import simulated_robot
+from llrp_online import checkpoint
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.learner import Learner
 from llrp_online.predictor import Predictor
+from llrp_online.trainer import Trainer
 from replay import compiling
 
 Sight = Callable[[Observation], NDArray[np.float32] | None]
 
 
-def driving(
-    configuration: RobotConfiguration,
-    scenario: Mapping[str, Any],
-    seed: int,
-    minutes: float,
-    behaviour: str,
-    *,
-    sight: str | Mapping[str, Any] | None = None,
-) -> Trial:
-    """A trial of `drive`."""
-    return Trial(
-        "agents.experiments.driving:drive",
-        {
-            "configuration": configuration.model_dump(mode="json"),
-            "scenario": dict(scenario),
-            "seed": seed,
-            "minutes": minutes,
-            "behaviour": behaviour,
-            "sight": sight,
-        },
-    )
+def driving(drive: Drive, *, sight: str | Mapping[str, Any] | None = None) -> Trial:
+    """A trial of `judge`."""
+    return Trial("agents.experiments.driving:judge", {"drive": drive.as_json(), "sight": sight})
 
 
-def drive(
-    folder: Path,
-    configuration: Mapping[str, Any],
-    scenario: Mapping[str, Any],
-    seed: int,
-    minutes: float,
-    behaviour: str,
-    sight: str | Mapping[str, Any] | None,
-) -> Result:
+def judge(folder: Path, drive: Mapping[str, Any], sight: str | Mapping[str, Any] | None) -> Result:
     """Drive through one layout.
 
     Args:
         folder: of what trials share.
-        configuration: the robot's, as JSON values.
-        scenario: the arena's, as JSON values.
-        seed: of layout, noise and controller.
-        minutes: of the robot's time.
-        behaviour: the controller's name.
-        sight: what it is given as predictions: a `Start` as JSON values, whose weights predict; "untrained", for a
-            network that never learned; "truth", for what the sensors would really feel; None, for nothing.
+        drive: a `Drive` as JSON values.
+        sight: what its controller is given as predictions: a `Start` as JSON values, whose weights predict;
+            "untrained", for a network that never learned; "truth", for what the sensors would really feel; None, for
+            nothing.
 
     Returns:
         `collisions`, each contact once; `metres` truly driven; `blocked_s`, how long something stopped it.
     """
-    form, arena = RobotConfiguration.model_validate(configuration), Scenario.model_validate(scenario)
-    compiling.use(form.compute.compiled)
-    robot = simulated_robot(form, arena, seed, camera=sight is not None)
-    pilot = controller(behaviour, form, seed)
-    perceive = None if sight is None else _sight(folder, form, arena, seed, sight)
+    form, robot, pilot = _begun(Drive.of(drive), camera=sight is not None)
+    perceive = None if sight is None else _sight(folder, form, robot.layout, sight)
     tally = Tally(robot)
-    for seen in rollout(robot, pilot, form, 60 * minutes, perceive):
+    for seen in rollout(robot, pilot, form, 60 * drive["minutes"], perceive):
         tally.add(seen)
     return tally.told()
 
 
-def living(
-    configuration: RobotConfiguration,
-    scenario: Mapping[str, Any],
-    seed: int,
-    minutes: int,
-    behaviour: str,
-    start: Mapping[str, Any],
-    exam: Sequence[Drive],
-) -> Trial:
+def living(drive: Drive, start: Mapping[str, Any], exam: Sequence[Drive]) -> Trial:
     """A trial of `live`."""
-    return Trial(
-        "agents.experiments.driving:live",
-        {
-            "configuration": configuration.model_dump(mode="json"),
-            "scenario": dict(scenario),
-            "seed": seed,
-            "minutes": minutes,
-            "behaviour": behaviour,
-            "start": start,
-            "exam": [one.as_json() for one in exam],
-        },
-    )
+    told = {"drive": drive.as_json(), "start": start, "exam": [one.as_json() for one in exam]}
+    return Trial("agents.experiments.driving:live", told)
 
 
-def live(
-    folder: Path,
-    configuration: Mapping[str, Any],
-    scenario: Mapping[str, Any],
-    seed: int,
-    minutes: int,
-    behaviour: str,
-    start: Mapping[str, Any],
-    exam: Sequence[Mapping[str, Any]],
-) -> Result:
+def live(folder: Path, drive: Mapping[str, Any], start: Mapping[str, Any], exam: Sequence[Mapping[str, Any]]) -> Result:
     """Drive and learn at once: what it predicts decides where it drives, and that decides what it learns.
 
     Args:
         folder: of what trials share.
-        configuration: the robot's, as JSON values.
-        scenario: the arena's, as JSON values.
-        seed: of layout, noise and controller.
-        minutes: whole minutes of the robot's time.
-        behaviour: the controller's name; it is given the newest published weights' predictions.
+        drive: a `Drive` as JSON values, of whole minutes; the learner's tables of its configuration count too. Its
+            controller is given the newest published weights' predictions.
         start: a `Start` as JSON values.
         exam: drives that the weights are judged by.
 
@@ -135,26 +76,32 @@ def live(
         `minutes`: one object a minute with `collisions`, `metres`, `blocked_s`, and the `known_labels` and
         `positive_labels` of frames that closed in it; `before` and `after`: mean AUC as `learning.means` gives it.
     """
-    form, arena = RobotConfiguration.model_validate(configuration), Scenario.model_validate(scenario)
-    compiling.use(form.compute.compiled)
+    form, robot, pilot = _begun(Drive.of(drive))
     begun = Start.of(start)
     learner = Learner(form)
     learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
-    judge = exam_of(form, [Drive.of(one).recorded(folder) for one in exam])
-    before = means(judge, learner.trainer.weights())
-    robot = simulated_robot(form, arena, seed)
-    driven = rollout(robot, controller(behaviour, form, seed), form, 60.0 * minutes, seen_by(learner.predictor))
+    tried = exam_of(form, [Drive.of(one).recorded(folder) for one in exam])
+    before = means(tried, learner.trainer.weights())
+    driven = rollout(robot, pilot, form, 60 * drive["minutes"], seen_by(learner.predictor))
     told: list[Result] = []
     tally, labels = Tally(robot), np.zeros(2, np.int64)
-    ticks = 60 * (form.simulation.rate_hz if form.simulation else 0.0)
+    ticks = round(60 * form.simulated().rate_hz)
     for tick, seen in enumerate(_learning(learner, form, driven), 1):
         tally.add(seen)
-        if tick % round(ticks) == 0:
+        if tick % ticks == 0:
             closed = learner.closed_counts.sum((0, 1))
             new = (closed - labels).tolist()
             told.append({**tally.told(), "known_labels": sum(new), "positive_labels": new[1]})
             tally, labels = Tally(robot), closed
-    return {"minutes": told, "before": before, "after": means(judge, learner.trainer.weights())}
+    return {"minutes": told, "before": before, "after": means(tried, learner.trainer.weights())}
+
+
+def _begun(drive: Drive, *, camera: bool = True) -> tuple[RobotConfiguration, SimulatedRobot, Controller]:
+    """What a drive is made of, at its start."""
+    form, arena = RobotConfiguration.model_validate(drive.configuration), Scenario.model_validate(drive.scenario)
+    compiling.use(form.compute.compiled)
+    robot = simulated_robot(form, arena, drive.seed, camera=camera)
+    return form, robot, controller(drive.behaviour, form, drive.seed)
 
 
 def _learning(learner: Learner, form: RobotConfiguration, driven: Iterable[Observation]) -> Iterator[Observation]:
@@ -195,24 +142,24 @@ class Tally:
         return {"collisions": collisions, "metres": self._metres, "blocked_s": self._blocked_s}
 
 
-def _sight(folder: Path, form: RobotConfiguration, arena: Scenario, seed: int, sight: str | Mapping[str, Any]) -> Sight:
+def _sight(folder: Path, form: RobotConfiguration, layout: Layout, sight: str | Mapping[str, Any]) -> Sight:
     if sight == "truth":
-        return _truth(form, arena, seed)
-    targets = form.targets.build()
-    predictor = Predictor(form.network.preset, form.picture_shape, (len(targets), len(form.sensors)))
-    learner = Learner(form)
+        return _truth(form, layout)
     if isinstance(sight, Mapping):
-        begun = Start.of(sight)
-        learner.warm_start(begun.checkpoint(folder), memory=False)
-    elif sight != "untrained":
+        weights = checkpoint.load(Start.of(sight).checkpoint(folder))[0]["weights"]
+    elif sight == "untrained":
+        weights = Trainer(form).weights()
+    else:
         raise ValueError(f"sight: expected a start, 'untrained', 'truth' or None, got {sight!r}")
-    predictor.load(learner.trainer.weights(), version=1)
+    outputs = (len(form.targets.build()), len(form.sensors))
+    predictor = Predictor(form.network.preset, form.picture_shape, outputs)
+    predictor.load(weights, version=1)
     return seen_by(predictor)
 
 
-def _truth(form: RobotConfiguration, arena: Scenario, seed: int) -> Sight:
+def _truth(form: RobotConfiguration, layout: Layout) -> Sight:
     """An oracle: bits where the sensors would really feel something."""
-    truth = Truth(form, Layout.draw(arena, seed))
+    truth = Truth(form, layout)
 
     def perceive(seen: Observation) -> NDArray[np.float32]:
         labels = truth.labels(seen.true_pose[None])[0]

@@ -6,10 +6,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from agents.experiments.statistics import median
 from llrp_online import figures, page
 from llrp_online.report import versions
 
@@ -33,6 +36,33 @@ class Claim:
     interval: tuple[float, float] | None
     n: str
     at_most: bool = False
+
+    @classmethod
+    def median(
+        cls,
+        what: str,
+        values: Sequence[float | None] | NDArray[np.float64],
+        n: str,
+        bar: float | None = None,
+        *,
+        at_most: bool = False,
+    ) -> Self:
+        """The median over runs with its interval; runs in which it is undefined (None or NaN) do not count.
+
+        Args:
+            what: is measured.
+            values: one a run.
+            n: how many values it is of; `{}` in it stands for those that count.
+            bar: to reach.
+            at_most: the bar is a ceiling.
+
+        >>> Claim.median("AUC", [0.8, None, 0.9], "{} runs").row()
+        ['AUC', '0.850', '0.800 to 0.900', '', '', '2 runs']
+        """
+        found = np.array(values, np.float64)
+        known = found[~np.isnan(found)]
+        middle, interval = median(known) if len(known) else (None, None)
+        return cls(what, middle, bar, interval, n.format(len(known)), at_most)
 
     @property
     def holds(self) -> bool | None:

@@ -94,10 +94,9 @@ def _medians(size: Size, runs: Sequence[Marks]) -> Iterator[Claim]:
     n = f"{len(runs)} runs: {len(size.scenarios)} scenarios x {len(size.seeds)} seeds"
     for part, reach in _REACH.items():
         for mark_s, column in zip(size.marks_s, values(runs, "new", part).T, strict=True):
-            if len(known := column[~np.isnan(column)]):
-                middle, interval = median(known)
+            if not np.isnan(column).all():
                 what = f"mean AUC at {reach} after {time(mark_s)}"
-                yield Claim(what, middle, _BARS.get((part, int(mark_s))), interval, n)
+                yield Claim.median(what, column, n, _BARS.get((part, int(mark_s))))
 
 
 def _worst(runs: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
@@ -106,8 +105,7 @@ def _worst(runs: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
     known = {name: column for name, column in last.items() if not np.isnan(column).any()}
     if known:
         name = min(known, key=lambda name: median(known[name])[0])
-        middle, interval = median(known[name])
-        yield Claim(f"the worst scenario at the end: {name}", middle, _WORST_BAR, interval, f"{len(known[name])} seeds")
+        yield Claim.median(f"the worst scenario at the end: {name}", known[name], "{} seeds", _WORST_BAR)
 
 
 def _by_form(compared: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
@@ -115,6 +113,5 @@ def _by_form(compared: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
     usual = values(compared[_USUAL], "new")[:, -1]
     for form, runs in compared.items():
         gain = values(runs, "new")[:, -1] - usual
-        if form != _USUAL and len(known := gain[~np.isnan(gain)]):
-            middle, interval = median(known)
-            yield Claim(f"{form}: gain at the end over the usual form", middle, None, interval, f"{len(known)} pairs")
+        if form != _USUAL and not np.isnan(gain).all():
+            yield Claim.median(f"{form}: gain at the end over the usual form", gain, "{} pairs")

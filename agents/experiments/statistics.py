@@ -1,4 +1,4 @@
-"""Medians with intervals, by resampling whole runs."""
+"""Medians and ratios with intervals, by resampling whole runs."""
 
 from collections.abc import Sequence
 
@@ -17,6 +17,32 @@ def median(values: Sequence[float] | NDArray[np.float64]) -> tuple[float, tuple[
     array = np.asarray(values, np.float64)
     if not len(array):
         raise ValueError("median: expected at least one value, got none")
-    drawn = np.random.default_rng(0).integers(0, len(array), (_ROUNDS, len(array)))
-    low, high = np.percentile(np.median(array[drawn], axis=1), [2.5, 97.5])
-    return float(np.median(array)), (float(low), float(high))
+    return float(np.median(array)), _interval(np.median(array[_drawn(len(array))], axis=1))
+
+
+def ratio(
+    above: Sequence[float] | NDArray[np.float64], below: Sequence[float] | NDArray[np.float64]
+) -> tuple[float | None, tuple[float, float] | None]:
+    """The ratio of two sums over the same runs, and its interval over resampled runs; None where nothing is below.
+
+    Of counts that are nought in half of the runs, whose medians would say nothing.
+
+    >>> ratio([1.0, 2.0], [10.0, 10.0])
+    (0.15, (0.1, 0.2))
+    """
+    over, under = np.asarray(above, np.float64), np.asarray(below, np.float64)
+    drawn = _drawn(len(over))
+    divisors = under[drawn].sum(1)
+    if not under.sum() or not divisors.all():
+        return None, None
+    return float(over.sum() / under.sum()), _interval(over[drawn].sum(1) / divisors)
+
+
+def _drawn(runs: int) -> NDArray[np.int64]:
+    """(rounds, runs): which runs make up each round."""
+    return np.random.default_rng(0).integers(0, runs, (_ROUNDS, runs))
+
+
+def _interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    low, high = np.percentile(values, [2.5, 97.5])
+    return float(low), float(high)

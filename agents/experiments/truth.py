@@ -5,7 +5,6 @@ driving it once more, in a second.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +47,7 @@ def driven(drive: Drive) -> Known:
     seen = list(rollout(robot, controller(drive.behaviour, form, drive.seed), form, 60 * drive.minutes))
     bits_of = RangeBits(form.short_range)
     t_ns = np.array([one.t_ns for one in seen], np.int64)
-    pictured = slice(None, None, 1 if form.simulation is None else form.simulation.camera_divider)
+    pictured = slice(None, None, form.simulated().camera_divider)
     arrays = Arrays(
         t_ns,
         np.array([one.odometry for one in seen]),
@@ -74,7 +73,7 @@ class Truth:
     """
 
     def __init__(self, configuration: RobotConfiguration, layout: Layout) -> None:
-        simulation: Any = configuration.simulation
+        simulation = configuration.simulated()
         self._bits_of = RangeBits(configuration.short_range)
         self._targets = configuration.targets.build().poses
         self._sensors = len(configuration.sensors)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,11 @@ from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.labelling import BLIND_DRIFT, labelling
 from agents.experiments.learning import learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, scenario, with_seed
-from agents.experiments.statistics import median
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
 from agents.experiments.trial import Result, Trial
 from agents.experiments.window_figures import auc_by_window
 from agents.robots.simulated.body import SLIP_LENGTH_M
 from llrp_online import figures
-from llrp_online.configuration import RobotConfiguration
 from llrp_online.configuration.running import Simulation
 from llrp_online.figures import WindowPanel
 from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S, recommended
@@ -41,6 +38,7 @@ _LEARNED: Mapping[str, Mapping[str, Any]] = {
     BLIND_DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S, "odometry.trust_covariance": False},
 }
 _DRIFTING = (DRIFT, BLIND_DRIFT)
+_RUNS = "{} runs, a scenario and a seed each"
 #: Behaviour and quality.
 Cell = tuple[str, str]
 
@@ -81,10 +79,11 @@ def _named(size: Size) -> Iterator[tuple[Cell, str | None, Trial]]:
     for behaviour, quality in size.cells:
         robot = changed(usual, QUALITIES[quality])
         for seed, name in enumerate(size.scenarios):
-            drive = Drive(robot.model_dump(mode="json"), scenario(name), seed, size.minutes, behaviour)
+            drive = Drive(robot_of(robot), scenario(name), seed, size.minutes, behaviour)
             yield (behaviour, quality), None, labelling(drive)
-            told = exact.model_dump(mode="json")
-            exam = [Drive(told, scenario(name), HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)]
+            exam = [
+                Drive(robot_of(exact), scenario(name), HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)
+            ]
             for window in size.learned:
                 form = with_seed(changed(robot, _LEARNED[window]), seed)
                 yield (
@@ -181,25 +180,18 @@ def _claims(cell: Cell, of: _Found) -> Iterator[Claim]:
     fixed = {name: auc for name, auc in of.auc.items() if name not in _DRIFTING and not np.isnan(auc).all()}
     if fixed:
         best = max(fixed, key=lambda name: float(np.nanmedian(fixed[name])))
-        yield _claim(f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}", fixed[best])
+        yield Claim.median(
+            f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}", fixed[best], _RUNS
+        )
         for name in _DRIFTING:
             if name in of.auc:
                 gains = [drift - other for drift, other in zip(of.auc[name], fixed[best], strict=True)]
                 bar = 0.0 if name == DRIFT else None
-                yield _claim(f"{_title(cell)}: AUC with {name} less that with {best}", gains, bar)
+                yield Claim.median(f"{_title(cell)}: AUC with {name} less that with {best}", gains, _RUNS, bar)
     for name in dict.fromkeys((of.best, UNLIMITED, *_DRIFTING)):
         shares = [run["windows"][name]["contradicted"] for run in of.labelled]
-        known = [math.nan if share is None else float(share) for share in shares]
         also = ", the recommended window" if name == of.best else ""
-        yield _claim(f"{_title(cell)}: share of labels contradicted, {name}{also}", known)
-
-
-def _claim(what: str, found: Sequence[float], bar: float | None = None) -> Claim:
-    known = [value for value in found if not math.isnan(value)]
-    if not known:
-        return Claim(what, None, bar, None, "no run")
-    middle, interval = median(known)
-    return Claim(what, middle, bar, interval, f"{len(known)} runs, a scenario and a seed each")
+        yield Claim.median(f"{_title(cell)}: share of labels contradicted, {name}{also}", shares, _RUNS)
 
 
 def _remark(cell: Cell, of: _Found) -> str:
@@ -219,8 +211,9 @@ def _percent(share: float | None) -> str:
 
 
 def _story(size: Size) -> str:
+    usual = configuration_of("thymio")
     qualities = "; ".join(
-        f"{name}: {noise_per_metre(_simulation(changed(_usual(), QUALITIES[name])))}" for name in size.qualities
+        f"{name}: {noise_per_metre(changed(usual, QUALITIES[name]).simulated())}" for name in size.qualities
     )
     return (
         f"{len(size.scenarios)} runs of {size.minutes:g} robot minutes, each its own scenario "
@@ -233,17 +226,6 @@ def _story(size: Size) -> str:
         "Values are medians over runs, intervals resample runs; differences are paired by run, and the best fixed "
         "window is the one with the highest median, chosen with hindsight, which drift has not."
     )
-
-
-@cache
-def _usual() -> RobotConfiguration:
-    return configuration_of("thymio")
-
-
-def _simulation(form: RobotConfiguration) -> Simulation:
-    if form.simulation is None:
-        raise ValueError("configs/thymio.toml: expected a [simulation] table, found none; add one")
-    return form.simulation
 
 
 def noise_per_metre(simulation: Simulation) -> str:

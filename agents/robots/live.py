@@ -36,10 +36,9 @@ class LiveRobot:
     def __init__(self, agent: Agent, configuration: RobotConfiguration, robot: SimulatedRobot, speed: float) -> None:
         if not speed > 0:
             raise ValueError(f"speed: expected a number above 0 or inf, got {speed}")
-        simulation = configuration.simulation
         self._wire = Wire(configuration)
         self._robot, self._agent = robot, agent
-        self._tick_s = 0.0 if math.isinf(speed) or simulation is None else 1 / (simulation.rate_hz * speed)
+        self._tick_s = 0.0 if math.isinf(speed) else 1 / (configuration.simulated().rate_hz * speed)
         self._stale_ns = round(configuration.transport.stale_s * 1e9)
         session, key = agent.session, agent.key
         self._publishers: dict[str, Publisher] = {

@@ -24,9 +24,7 @@ class Wire:
     """
 
     def __init__(self, configuration: RobotConfiguration) -> None:
-        simulation = configuration.simulation
-        if simulation is None:
-            raise ValueError(f"robot {configuration.robot.name!r}: its configuration has no [simulation]; add one")
+        simulation = configuration.simulated()
         if len(configuration.camera) != 1 or len(configuration.range_topics) != 1:
             raise ValueError("the simulated robot has one camera and one range topic; make the configuration agree")
         self.odometry_topic = configuration.odometry.topic

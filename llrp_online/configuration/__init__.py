@@ -72,6 +72,12 @@ class RobotConfiguration(Table):
         """(height, width, channels) of what the network sees: the cameras' RGB stacked along the channels."""
         return self.camera[0].height, self.camera[0].width, 3 * len(self.camera)
 
+    def simulated(self) -> Simulation:
+        """Its [simulation]; ValueError if the robot has none."""
+        if self.simulation is None:
+            raise ValueError(f"robot {self.robot.name!r}: its configuration has no [simulation] table; add one")
+        return self.simulation
+
     def camera_swap(self) -> NDArray[np.int64] | None:
         """Which camera replaces each in a flipped world; None if the rig has no mirror image."""
         return _swap([c.topic for c in self.camera], [c.swap for c in self.camera], alone=len(self.camera) == 1)

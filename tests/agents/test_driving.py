@@ -16,8 +16,8 @@ USUAL = configuration_of("thymio")
 
 
 def test_an_oracle_goes_far_and_seldom_touches_anything(tmp_path: Path) -> None:
-    told = driving(USUAL, scenario("tiles"), 2001, 1.0, "avoid", sight="truth").run(tmp_path)
-    blind = driving(USUAL, scenario("tiles"), 2001, 1.0, "blind").run(tmp_path)
+    told = driving(Drive(robot_of(USUAL), scenario("tiles"), 2001, 1.0, "avoid"), sight="truth").run(tmp_path)
+    blind = driving(Drive(robot_of(USUAL), scenario("tiles"), 2001, 1.0, "blind")).run(tmp_path)
     assert told["collisions"] < blind["collisions"]
     assert told["metres"] > 2
 
@@ -25,7 +25,8 @@ def test_an_oracle_goes_far_and_seldom_touches_anything(tmp_path: Path) -> None:
 def test_a_drive_while_learning_counts_each_minute_and_repeats_itself(tmp_path: Path) -> None:
     robot, arena = robot_of(USUAL), scenario("tiles")
     start = asdict(Start(USUAL.model_dump(mode="json"), [Drive(robot, arena, 0, 0.2)]))
-    trial = living(USUAL, arena, 0, 1, "curious", start, [Drive(robot, arena, 1000, 0.2)])
+    drive = Drive(USUAL.model_dump(mode="json"), arena, 0, 1.0, "curious")
+    trial = living(drive, start, [Drive(robot, arena, 1000, 0.2)])
     told = trial.run(tmp_path)
     (minute,) = told["minutes"]
     assert minute["known_labels"] > minute["positive_labels"] >= 0
