@@ -1,5 +1,6 @@
 """Trials on a Ray cluster: the same work, the same results; a lost worker costs its trials only."""
 
+import importlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,11 @@ class Cluster:
 
     def __init__(self, address: str, drives: Path) -> None:
         try:
-            import ray
+            self._ray: Any = importlib.import_module("ray")
         except ImportError as error:
             raise ImportError("--ray needs Ray: pip install 'llrp-online[cluster]'") from error
-        self._ray: Any = ray
         self._drives = drives
-        ray.init(address=address, log_to_driver=False)
+        self._ray.init(address=address, log_to_driver=False)
 
     def run(self, trials: Sequence[Trial]) -> Iterator[tuple[Trial, Result]]:
         """Each trial with its result, as they end. TrialError if one fails."""
