@@ -32,6 +32,7 @@ WAIT_S = 60.0
 PRINTING_LATE = {
     "train": "it has labelled half a minute of driving, loaded the kernels and taken a step before it says something",
     "learn": "its one line is the outcome: it has lived through half a minute of driving, with 150 steps of training",
+    "experiment": "it loads PyTorch, which its trials need, and draws all figures anew before it prints a claim",
 }
 AGENTS_LATE = {"learn": "PyTorch, then ONNX Runtime, the bus, and its first status once the first second is over"}
 
@@ -45,6 +46,14 @@ class Inputs:
     folder: Path
     recording: Path
     checkpoint: Path
+
+    def studied(self) -> Path:
+        """The folder of a study whose trials are all kept: run now, if it has not been."""
+        study = self.folder / "study"
+        if not study.exists():
+            words = (*LLRP, "experiment", "scratch", "--quick", "--output", str(study))
+            subprocess.run(words, check=True, capture_output=True)
+        return study
 
     def fresh(self) -> Path:
         """A name that nobody has used."""
@@ -60,7 +69,11 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "evaluate": lambda i: (i.checkpoint, i.recording),
     "learn": lambda i: ("--recordings", i.recording, "--output", i.fresh()),
     "demo": lambda i: ("--minutes", 1, "--output", i.fresh()),
+    "window": lambda i: (i.recording, "--output", i.fresh()),
+    "experiment": lambda i: ("scratch", "--quick", "--output", i.studied()),
 }
+#: Commands that take their robots from `configs/` themselves.
+UNCONFIGURED = ("experiment",)
 #: Command -> its words, and the topic of the message that is waited for; "": any; None: its name on the bus.
 AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "robot": (lambda _: (), ""),
@@ -151,9 +164,10 @@ def nothing() -> float:
 @pytest.mark.parametrize("command", PRINTING)
 def test_command(command, inputs, record, short):
     words = PRINTING[command]
+    configured = () if command in UNCONFIGURED else ("--config", CONFIG)
 
     def ours() -> float:
-        return until_line([*LLRP, command, *words(inputs), "--config", CONFIG])
+        return until_line([*LLRP, command, *words(inputs), *configured])
 
     found = in_turn({"ours": ours, TORCH: torch}, 2 if short else 5)
     gaps = {TORCH: PRINTING_LATE[command]} if command in PRINTING_LATE else {}

@@ -9,11 +9,9 @@ from pathlib import Path
 from agents.commands import options
 from agents.drive_arrays import drive_of
 from agents.progress import track_files
-from agents.replayed import learn_over
 from agents.window_answer import Answer, compare, learner_of
 from llrp_online import figures, page
 from llrp_online.configuration import RobotConfiguration
-from llrp_online.learner import Learner
 
 _HEADS = ("window", "known a frame", "positive a frame", "agreeing", "bits felt twice", "worth a frame")
 _NOTE = (
@@ -64,6 +62,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _learned(configuration: RobotConfiguration, window: str, recordings: list[Path]) -> float | None:
     """Prequential AUC of all labels together; None where it is undefined."""
+    from agents.replayed import learn_over
+    from llrp_online.learner import Learner
+
     learner = Learner(learner_of(configuration, window))
     learn_over(learner, recordings)
     auc = learner.prequential.score().pooled_auc
