@@ -1,4 +1,4 @@
-"""The paper's second robot, simulated: a Pioneer on a black and white floor (Nava et al. 2019, section IV-G).
+"""The paper's second robot, simulated: a Pioneer on a black and white floor (Nava et al. 2019, section V-C).
 
 Nothing stands on the floor and nothing casts a shadow, so a picture is one look-up a pixel, and needs neither GL nor
 physics. A world (`configs/worlds/pioneer.toml`) and a seed give the floor and the drive; poses on it give pictures and

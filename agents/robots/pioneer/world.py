@@ -1,4 +1,4 @@
-"""What the Pioneer's world is made of, as `configs/worlds/pioneer.toml` says it (Nava et al. 2019, section IV-G)."""
+"""What the Pioneer's world is made of, as `configs/worlds/pioneer.toml` says it (Nava et al. 2019, section V-C)."""
 
 from pathlib import Path
 from typing import Self
