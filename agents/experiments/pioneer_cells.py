@@ -13,6 +13,8 @@ from agents.experiments.trial import Result
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 _INTERVAL = [2.5, 97.5]
+#: Targets are computed, so equal ones differ in their last bits.
+_SAME_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,9 @@ class Cells:
     def of(cls, targets: Floats, results: Sequence[Result], seeds: int) -> Self:
         """From the results of `pioneer_learning.exam`: seed by seed, in each seed a trial for each half of the maps."""
         halves = results[: len(results) // seeds]
-        n_pos, n_neg = (sum((np.array(one[name], np.int64) for one in halves), np.int64(0)) for name in ("n_pos", "n_neg"))
+        n_pos, n_neg = (
+            sum((np.array(one[name], np.int64) for one in halves), np.int64(0)) for name in ("n_pos", "n_neg")
+        )
         first = halves[0]
         known = np.array(first["learned"], np.int64) + np.array(first["n_pos"]) + np.array(first["n_neg"])
         return cls(
@@ -59,7 +63,7 @@ class Cells:
 
     def at(self, x_m: float, y_m: float) -> NDArray[np.bool_]:
         """(T,) which target lies there."""
-        return np.isclose(self.targets[:, :2], [x_m, y_m]).all(-1)
+        return (np.hypot(self.targets[:, 0] - x_m, self.targets[:, 1] - y_m) < _SAME_M).astype(np.bool_)
 
     def mean(self, chosen: NDArray[np.bool_]) -> tuple[float | None, tuple[float, float] | None, int]:
         """Mean AUC over the chosen cells that have one, its 95 % interval, and how many cells that are."""

@@ -1,6 +1,6 @@
-"""Drives of the simulated Pioneer that trials share: arrays on disk, since half a million JPEGs would only slow them down.
+"""Drives of the simulated Pioneer that trials share: arrays on disk, as 250,000 JPEGs would only cost time.
 
-A drive of seven minutes is 129 MB: one grey picture a camera, 20 a second. Its labels are resolved once and kept beside.
+A drive of seven minutes is 129 MB: a grey picture for each camera, 20 times a second. Its labels are resolved once.
 """
 
 from collections.abc import Mapping
@@ -103,8 +103,8 @@ class PioneerDrive:
 def bits_of(form: RobotConfiguration, grey: NDArray[np.float64]) -> NDArray[np.int8]:
     """(N, 1) bits of the configuration's only sensor, from (N,) readings."""
     (sensor,) = form.short_range
-    bits = grey < sensor.below if sensor.below is not None else grey > sensor.above
-    return bits.astype(np.int8)[:, None]
+    below, above = (np.nan if limit is None else limit for limit in (sensor.below, sensor.above))
+    return ((grey < below) | (grey > above)).astype(np.int8)[:, None]
 
 
 def labels_of(

@@ -1,6 +1,7 @@
 """The trials of the Pioneer's study: learn from some maps, offline or online, and predict the others."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -39,7 +40,7 @@ def offline(folder: Path, configuration: Mapping[str, Any], learned: Drives, tes
     trainer, random, batch = Trainer(form), np.random.default_rng(form.training.seed), form.training.batch
     for _ in range(steps):
         rows = np.sort(random.integers(0, len(labels), batch))
-        among = [rows[(rows >= begin) & (rows < end)] - begin for begin, end in zip(begins, begins[1:], strict=False)]
+        among = [rows[(rows >= begin) & (rows < end)] - begin for begin, end in pairwise(begins)]
         pictures = np.concatenate([drive.pictures(found) for drive, found in zip(drives, among, strict=True)])
         # Odometry has no noise here, so every label is trusted.
         trainer.step(Batch(pictures, labels[rows], np.ones(labels[rows].shape, np.float32)), class_counts)
@@ -99,7 +100,7 @@ def exam(
         "rounds": [_plain(row) for row in rounds],
         "n_pos": n_pos[:, 0].tolist(),
         "n_neg": n_neg[:, 0].tolist(),
-        "learned": sum((drive.labels[..., 0] >= 0).sum(0) for drive in learned).tolist(),
+        "learned": np.sum([(drive.labels[..., 0] >= 0).sum(0) for drive in learned], 0).tolist(),
         "frames": len(labels),
         "trajectories": int(group.max()) + 1,
         "weights_sha256": weights_sha256(weights),
@@ -132,7 +133,8 @@ def resampled(
         seed: of drawing.
 
     Returns:
-        (T,) and (rounds, T); NaN where one class is missing.
+        (T,) and (rounds, T); NaN where one class is missing. Of labels that all come from one trajectory nothing can be
+        drawn: all rounds are NaN there.
     """
     random, number = np.random.default_rng(seed), int(group.max()) + 1
     times = np.empty((len(labels), rounds + 1), np.int32)
@@ -140,6 +142,8 @@ def resampled(
     for column in times.T[1:]:
         column[:] = np.bincount(random.integers(0, number, number), minlength=number)[group]
     found = np.stack([resampled_auc(ranking(*cell), times) for cell in zip(scores.T, labels.T, strict=True)], 1)
+    alone = [len(np.unique(group[cell >= 0])) < 2 for cell in labels.T]
+    found[1:, alone] = np.nan
     return found[0], found[1:]
 
 

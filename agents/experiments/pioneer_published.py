@@ -37,7 +37,7 @@ class Published:
 @cache
 def published() -> Published:
     """As the package has them; the file says how they were read."""
-    told = json.loads(resources.files(__package__).joinpath(_FILE).read_text(encoding="utf-8"))
+    told = json.loads(resources.files("agents.experiments").joinpath(_FILE).read_text(encoding="utf-8"))
     percent, known = (_as_targets(told[name]) for name in ("auc_percent", "known_labels"))
     return Published(np.where(known > 0, percent / 100, np.nan), known, told["source"])
 

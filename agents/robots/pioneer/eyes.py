@@ -1,4 +1,4 @@
-"""What the cameras see: a plane alone, so each pixel looks at one point of the floor that rides along with the robot."""
+"""What the cameras see: a plane alone, so each pixel looks at one point of the floor that moves with the robot."""
 
 import math
 

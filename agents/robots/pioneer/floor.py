@@ -63,7 +63,10 @@ class Floor:
     def mean_grey(self, x_m: float, y_m: float, side_m: float) -> float:
         """Mean over a square of the map, 0 black to 1 white; ValueError if none of it lies on the map."""
         (left, right), (bottom, top) = (
-            (max(round((at + self.half_m - side_m / 2) / self._texel_m), 0), round((at + self.half_m + side_m / 2) / self._texel_m))
+            (
+                max(round((at + self.half_m - side_m / 2) / self._texel_m), 0),
+                round((at + self.half_m + side_m / 2) / self._texel_m),
+            )
             for at in (x_m, y_m)
         )
         seen = self.texels[bottom:top, left:right]
