@@ -17,6 +17,7 @@ STUDIES = {
     "calibration": "do probabilities mean what they say: ECE by distance, before and after online scaling",
     "window": "how long to trust odometry: labels, their truth and the AUC they lead to, by window",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
+    "pioneer": "the paper's second robot: three cameras, a floor sensor, 289 targets; offline and in one pass online",
 }
 
 

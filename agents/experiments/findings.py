@@ -112,6 +112,32 @@ class Plot:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Numbers that are to be read beside each other.
+
+    Attributes:
+        title: above it.
+        caption: how to read it.
+        heads: of its columns.
+        rows: of cells, each as long as `heads`; the first cell is the row's head.
+    """
+
+    title: str
+    caption: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+    def markdown(self) -> str:
+        """As docs/RESULTS.md has it."""
+        return f"### {self.title}\n\n{self.caption}\n\n{_markdown(self.heads, self.rows)}\n"
+
+    def html(self) -> str:
+        """As the page has it."""
+        caption = f'<p class="note">{html.escape(self.caption)}</p>\n'
+        return page.section(self.title, caption + page.table(self.heads, self.rows))
+
+
+@dataclass(frozen=True)
 class Findings:
     """A study's outcome.
 
@@ -122,6 +148,7 @@ class Findings:
         numbers: everything measured, plain JSON values.
         plots: figures.
         remarks: where the outcome differs from what was expected, and why.
+        tables: that the page and docs/RESULTS.md hold beside the claims.
     """
 
     title: str
@@ -130,6 +157,7 @@ class Findings:
     numbers: Mapping[str, Any]
     plots: Sequence[Plot] = ()
     remarks: Sequence[str] = field(default=())
+    tables: Sequence[Table] = field(default=())
 
 
 def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
@@ -152,10 +180,15 @@ def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
 
 def section(findings: Findings, command: str) -> str:
     """The study's part of docs/RESULTS.md."""
-    rows = [list(CLAIM_HEADS), ["---"] * len(CLAIM_HEADS), *(claim.row() for claim in findings.claims)]
-    table = "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows)
+    claims = _markdown(CLAIM_HEADS, [claim.row() for claim in findings.claims])
     remarks = "".join(f"\n- {remark}" for remark in findings.remarks)
-    return f"## {findings.title}\n\n    {command}\n\n{findings.story}\n\n{table}\n{remarks}\n"
+    tables = "".join(f"\n{table.markdown()}" for table in findings.tables)
+    return f"## {findings.title}\n\n    {command}\n\n{findings.story}\n\n{claims}\n{remarks}\n{tables}"
+
+
+def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heads, ["---"] * len(heads), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '/') for cell in line)} |" for line in lines)
 
 
 def _page(findings: Findings, seeds: Sequence[int]) -> str:
@@ -163,6 +196,7 @@ def _page(findings: Findings, seeds: Sequence[int]) -> str:
     body += page.section("Claims", page.table(CLAIM_HEADS, [claim.row() for claim in findings.claims]))
     for plot in findings.plots:
         body += page.section(plot.name.replace("_", " "), page.image(plot.figure, plot.alt, plot.caption))
+    body += "".join(table.html() for table in findings.tables)
     if findings.remarks:
         said = "".join(f"<li>{html.escape(remark)}</li>" for remark in findings.remarks)
         body += page.section("Where it differs", f"<ul>{said}</ul>\n")
