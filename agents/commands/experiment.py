@@ -14,6 +14,7 @@ STUDIES = {
     "crossval": "the paper's experiment: train offline on eight scenarios, test on two; and leave one out",
     "adapt": "a new floor: warm-started with and without the memory, beside frozen and from nothing",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
+    "robustness": "camera pose, exposure, blur, shadows, a person: how far the AUC falls, and how soon it is back",
 }
 
 
