@@ -24,7 +24,7 @@ COMMANDS = {
     "label": "resolve the labels of a recording",
     "train": "train offline over recordings, the paper's way",
     "evaluate": "AUC of a checkpoint for every target and sensor, with intervals",
-    "experiment": "a study: its trials, figures, claims with intervals, a page; goes on where it stopped",
+    "experiment": "a study: figures, claims with intervals, a page; goes on where it stopped",
     "check": "look over a recording or a live robot: clocks, frames, units, rates, ranges",
 }
 

@@ -29,8 +29,8 @@ def ratio(
 
     Runs are resampled, so that what belongs together stays together.
 
-    >>> ratio([0.04, 0.09, 0.08], [0.1, 0.1, 0.1])
-    (0.8, (0.4, 0.9))
+    >>> ratio([1.0, 3.0, 2.5], [4.0, 4.0, 4.0])
+    (0.625, (0.25, 0.75))
     """
     parts, wholes = np.asarray(part, np.float64), np.asarray(whole, np.float64)
     if not len(parts) or parts.shape != wholes.shape:

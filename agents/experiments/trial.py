@@ -23,7 +23,7 @@ class Trial:
         parameters: plain JSON values; all that the result depends on, the seed among them.
 
     >>> Trial("agents.experiments.scratch:learn", {"seed": 0}).name
-    'learn-af1b9aa5c4c0'
+    'learn-81c0036e3faa'
     """
 
     work: str

@@ -56,12 +56,13 @@ def test_blur_keeps_to_what_is_there_and_knows_no_direction(picture, sigma_px):
 
 
 @pytest.mark.parametrize("sigma_px", [0.8, 1.5, 3.0])
-def test_a_dot_becomes_a_gaussian_of_that_deviation(sigma_px):
-    dot = np.zeros((41, 41, 3), np.uint8)
-    dot[14:27, 14:27] = 255
-    seen = blurred(dot, sigma_px)[20, :, 0].astype(float)
-    edge = -np.diff(seen)[20:]  # how brightness falls across an edge is the Gaussian itself
-    offset = np.arange(len(edge)) - 6.0
+@pytest.mark.parametrize("upright", [True, False])
+def test_how_brightness_rises_across_an_edge_is_a_gaussian_of_that_deviation(sigma_px, upright):
+    half = np.zeros((60, 60, 3), np.uint8)
+    half[:, 30:] = 255
+    found = blurred(half if upright else half.swapaxes(0, 1), sigma_px)
+    edge = np.diff((found if upright else found.swapaxes(0, 1))[20, :, 0].astype(float))
+    offset = np.arange(59) - 29
     assert (edge * offset).sum() / edge.sum() == pytest.approx(0, abs=0.1)
     assert np.sqrt((edge * offset**2).sum() / edge.sum()) == pytest.approx(sigma_px, rel=0.05)
 
