@@ -82,6 +82,16 @@ def same_picture(camera, positions):
             np.testing.assert_array_equal(found, camera.picture(pose))
 
 
+def same_ranges(world, simulation, positions):
+    """Proximity sensors feel the same without compiled code."""
+    ours = Proximity(world, simulation, np.random.default_rng(0))
+    theirs = Proximity(world, simulation, np.random.default_rng(0))
+    for pose in positions:
+        found = ours.ranges(pose)
+        with plainly():
+            np.testing.assert_array_equal(found, theirs.ranges(pose))
+
+
 def test_the_kernels_are_there():
     assert Compiled("agents.robots.simulated.kernels").get() is not None
 
@@ -111,13 +121,7 @@ def test_pictures_of_the_scenarios_are_equal(name):
 @settings(max_examples=40)
 @given(st.lists(shapes, max_size=8), several_poses, simulations)
 def test_ranges_are_equal(some, positions, simulation):
-    world = world_of(some)
-    ours = Proximity(world, simulation, np.random.default_rng(0))
-    theirs = Proximity(world, simulation, np.random.default_rng(0))
-    for pose in positions:
-        found = ours.ranges(pose)
-        with plainly():
-            np.testing.assert_array_equal(found, theirs.ranges(pose))
+    same_ranges(world_of(some), simulation, positions)
 
 
 spots = st.lists(st.tuples(between(-1, 1), between(-1, 1)), min_size=2, max_size=2).map(np.array)
@@ -136,18 +140,33 @@ def at(shape, spot):
     lights,
     simulations,
 )
-def test_what_was_moved_is_met_as_if_it_had_always_stood_there(some, moving, moves, positions, light, simulation):
-    simulation = simulation.model_copy(update={"range_noise_m": 0.0})
-    world, rng = world_of(some, moving), np.random.default_rng(0)
-    camera, ranges = Camera(world, light, simulation, 24, 30), Proximity(world, simulation, rng)
+def test_pictures_and_ranges_are_equal_wherever_things_were_moved(some, moving, moves, positions, light, simulation):
+    world = world_of(some, moving)
+    camera = Camera(world, light, simulation, 24, 30)
     for centres_m in moves:
         world.move(centres_m)
         same_picture(camera, positions)
-        still = world_of([*some, *map(at, moving, centres_m)])
-        expected, felt = Camera(still, light, simulation, 24, 30), Proximity(still, simulation, rng)
-        for pose in positions:
-            np.testing.assert_array_equal(camera.picture(pose), expected.picture(pose))
-            np.testing.assert_array_equal(ranges.ranges(pose), felt.ranges(pose))
+        same_ranges(world, simulation, positions)
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(shapes, max_size=4),
+    # Not turned: MuJoCo takes a still thing for straight that is turned by next to nothing.
+    st.lists(shapes.map(lambda shape: dataclasses.replace(shape, yaw_rad=0.0)), min_size=2, max_size=2),
+    spots,
+    several_poses,
+    lights,
+)
+def test_what_was_moved_is_met_as_if_it_had_always_stood_there(some, moving, centres_m, positions, light):
+    simulation = Simulation(range_noise_m=0.0)
+    world, still = world_of(some, moving), world_of([*some, *map(at, moving, centres_m)])
+    camera, expected = (Camera(of, light, simulation, 24, 30) for of in (world, still))
+    ranges, felt = (Proximity(of, simulation, np.random.default_rng(0)) for of in (world, still))
+    world.move(centres_m)
+    for pose in positions:
+        np.testing.assert_array_equal(camera.picture(pose), expected.picture(pose))
+        np.testing.assert_array_equal(ranges.ranges(pose), felt.ranges(pose))
 
 
 @pytest.mark.parametrize(
