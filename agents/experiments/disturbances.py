@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 Arena = dict[str, Any]
+Kind = Literal["camera pose", "picture", "world"]
 
 
 def _as_it_is(arena: Arena) -> Arena:
@@ -21,7 +22,7 @@ class Disturbance:
         arena: changes a scenario, given as JSON values, and gives another.
     """
 
-    kind: Literal["camera pose", "picture", "world"]
+    kind: Kind
     robot: Mapping[str, Any] = field(default_factory=dict[str, Any])
     arena: Callable[[Arena], Arena] = _as_it_is
 

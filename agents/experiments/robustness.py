@@ -1,14 +1,15 @@
 """What disturbs a learner that sees well: how far its AUC falls, and how soon learning brings it back."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.experiments.bars import Estimate, paired_bars
 from agents.experiments.curves import Marks, curves, time, values
-from agents.experiments.disturbances import DISTURBANCES, Disturbance
+from agents.experiments.disturbances import DISTURBANCES, Disturbance, Kind
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
@@ -17,6 +18,9 @@ from agents.experiments.statistics import median, ratio
 from agents.experiments.trial import Result, Trial
 
 _USUAL = "undisturbed"
+_POSE: Kind = "camera pose"
+#: Under another camera pose, two more ways to begin: what was learned before may be of no help there.
+_ALONE, _NOTHING = "begun without its memory", "begun from nothing"
 #: Of what a new camera pose cost, so much is to be won back within three minutes.
 _BAR, _BAR_S = 0.80, 180
 #: What cost less than this is nothing to win back: the share would be noise over noise.
@@ -59,7 +63,10 @@ def trials(size: Size) -> list[Trial]:
 
 
 def _named(size: Size) -> Iterator[tuple[str, Trial]]:
-    """Disturbance and trial. The seed changes fastest, so that processes do not wait for each other's first life."""
+    """Disturbance, with how it begins if not as usual, and trial.
+
+    The seed changes fastest, so that processes do not wait for each other's first life.
+    """
     usual = configuration_of("thymio")
     robot = usual.model_dump(mode="json")
     for name in (_USUAL, *size.disturbances):
@@ -72,8 +79,12 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
                 form = with_seed(usual, seed)
                 before = [Drive(robot, scenario(old), seed, size.before_minutes) for old in size.before]
                 lived = [Drive(other, arena, seed, size.marks_s[-1] / 60)]
-                start = Start(form.model_dump(mode="json"), before)
-                yield name, learning(form, lived, {"here": held_out}, size.marks_s, start=start)
+                exams, start = {"here": held_out}, Start(form.model_dump(mode="json"), before)
+                yield name, learning(form, lived, exams, size.marks_s, start=start)
+                if disturbance.kind == _POSE:
+                    alone = replace(start, memory=False)
+                    yield f"{name}, {_ALONE}", learning(form, lived, exams, size.marks_s, start=alone)
+                    yield f"{name}, {_NOTHING}", learning(form, lived, exams, size.marks_s)
 
 
 @dataclass(frozen=True)
@@ -82,7 +93,7 @@ class Outcome:
 
     Attributes:
         cost: (N,) how far the AUC falls at once.
-        gain: (N,) how far learning under the disturbance raised it by the last mark.
+        gain: (N,) how far above that fallen AUC it is at the last mark.
         left: (N,) how far it then is below the learner that learned as long undisturbed.
     """
 
@@ -91,15 +102,20 @@ class Outcome:
     left: NDArray[np.float64]
 
     @classmethod
-    def of(cls, disturbed: NDArray[np.float64], usual: NDArray[np.float64]) -> "Outcome":
+    def of(
+        cls, disturbed: NDArray[np.float64], usual: NDArray[np.float64], last: NDArray[np.float64] | None = None
+    ) -> "Outcome":
         """From the AUC (runs, marks) of both, paired by run; runs with a blank at the first or last mark are left out.
+
+        Another learner's AUC at the last mark may take the place of the disturbed one's: `last` (runs,).
 
         >>> Outcome.of(np.array([[0.6, 0.8]]), np.array([[0.9, 0.95]])).left.round(2).tolist()
         [0.15]
         """
-        ends = np.stack([disturbed[:, 0], disturbed[:, -1], usual[:, 0], usual[:, -1]])
-        first, last, usual_first, usual_last = ends[:, ~np.isnan(ends).any(0)]
-        return cls(usual_first - first, last - first, usual_last - last)
+        reached = disturbed[:, -1] if last is None else last
+        ends = np.stack([disturbed[:, 0], reached, usual[:, 0], usual[:, -1]])
+        first, reached, usual_first, usual_last = ends[:, ~np.isnan(ends).any(0)]
+        return cls(usual_first - first, reached - first, usual_last - reached)
 
     def won_back(self) -> Estimate | None:
         """The gain over the cost; None where that is too small."""
@@ -128,13 +144,18 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
         f"{size.held_out_minutes:g} minutes each. The fall is the difference at once from the same learner undisturbed "
         f"there; what is left, the difference after {end} from that learner having learned as long. The share won back "
         "is the rise under the disturbance over the fall; net of learning, less the rise without disturbance. Shares "
-        f"are of medians, and blank where the fall is no more than {_LEAST_COST:g}. Values are medians over runs, "
-        "intervals resample runs."
+        f"are of medians, and blank where the fall is no more than {_LEAST_COST:g}. Under another camera pose two more "
+        "learners live the same minutes: one begins with the old weights alone, one with random weights. Values are "
+        "medians over runs, intervals resample runs."
     )
     return Findings(
         "robustness: what disturbs it, and how soon it recovers",
         story,
-        [*_undisturbed(size, usual), *(claim for name in outcomes for claim in _claims(size, name, outcomes[name]))],
+        [
+            *_undisturbed(size, usual),
+            *(claim for name in outcomes for claim in _claims(size, name, outcomes[name])),
+            *_otherwise(size, runs, usual),
+        ],
         {"runs": runs, "won_back_by_mark": _by_mark(size, runs, usual)},
         [_bars(outcomes, end), *_recoveries(runs)],
         _remarks(size),
@@ -151,11 +172,22 @@ def _undisturbed(size: Size, usual: NDArray[np.float64]) -> Iterator[Claim]:
 def _claims(size: Size, name: str, outcome: Outcome) -> Iterator[Claim]:
     count, end = len(outcome.cost), time(size.marks_s[-1])
     n = _runs(size, count)
-    bar = _BAR if DISTURBANCES[name].kind == "camera pose" and size.marks_s[-1] == _BAR_S else None
+    bar = _BAR if DISTURBANCES[name].kind == _POSE and size.marks_s[-1] == _BAR_S else None
     yield _claim(f"{name}: fall at once", median(outcome.cost) if count else None, None, n)
     yield _claim(f"{name}: left after {end}", median(outcome.left) if count else None, None, n)
     yield _claim(f"{name}: share won back after {end}", outcome.won_back(), bar, n)
     yield _claim(f"{name}: share won back after {end}, net of learning", outcome.caught_up(), bar, n)
+
+
+def _otherwise(size: Size, runs: Mapping[str, Sequence[Marks]], usual: NDArray[np.float64]) -> Iterator[Claim]:
+    """What a learner that begins otherwise wins back of the same fall."""
+    end = time(size.marks_s[-1])
+    for name in size.disturbances:
+        for way in (_ALONE, _NOTHING) if DISTURBANCES[name].kind == _POSE else ():
+            last = values(runs[f"{name}, {way}"], "here")[:, -1]
+            outcome = Outcome.of(values(runs[name], "here"), usual, last)
+            what = f"{name}, {way}: share won back after {end}"
+            yield _claim(what, outcome.won_back(), None, _runs(size, len(outcome.cost)))
 
 
 def _claim(what: str, found: Estimate | None, bar: float | None, n: str) -> Claim:
@@ -189,12 +221,19 @@ def _bars(outcomes: Mapping[str, Outcome], end: str) -> Plot:
 
 
 def _recoveries(runs: Mapping[str, Sequence[Marks]]) -> Iterator[Plot]:
-    """A figure a kind of disturbance."""
-    for kind in ("camera pose", "picture", "world"):
-        group = {name: found for name, found in runs.items() if name == _USUAL or DISTURBANCES[name].kind == kind}
-        if len(group) > 1:
+    """A figure a kind of disturbance; and the ways to begin, all camera poses together."""
+    poses = [name for name in runs if name in DISTURBANCES and DISTURBANCES[name].kind == _POSE]
+    for kind in get_args(Kind):
+        found = {name: runs[name] for name in runs if name in DISTURBANCES and DISTURBANCES[name].kind == kind}
+        if found:
+            drawn = curves({_USUAL: runs[_USUAL], **found}, "here")
             name = f"recovery_{kind.replace(' ', '_')}"
-            yield Plot(name, curves(group, "here"), f"Median AUC by robot minutes under disturbance: {kind}")
+            yield Plot(name, drawn, f"Median AUC by robot minutes under disturbance: {kind}")
+    if poses:
+        ways = {way: [m for name in poses for m in runs[f"{name}, {way}"]] for way in (_ALONE, _NOTHING)}
+        together = {"begun with its memory": [m for name in poses for m in runs[name]], **ways}
+        alt = "Median AUC by robot minutes under another camera pose, by how the learner begins"
+        yield Plot("ways_to_begin", curves(together, "here"), alt, f"Together: {', '.join(poses)}.")
 
 
 def _remarks(size: Size) -> list[str]:

@@ -22,24 +22,27 @@ AUCS = st.floats(0.4, 1.0)
 
 def results(of):
     """Trials' results with `of(disturbance, run, mark)` as AUC."""
-    names = ("undisturbed", *SIZE.disturbances)
-    return [
-        {
-            "marks": [
-                {"lived_s": mark_s, "here": {"far": of(name, run, mark), "near": None, "cells": 9}}
-                for mark, mark_s in enumerate(SIZE.marks_s)
-            ]
-        }
-        for name in names
-        for run in range(4)
-    ]
+    run, found = dict.fromkeys([name for name, _ in robustness._named(SIZE)], 0), []
+    for name, _ in robustness._named(SIZE):
+        marks = [
+            {"lived_s": mark_s, "here": {"far": of(name, run[name], mark), "near": None, "cells": 9}}
+            for mark, mark_s in enumerate(SIZE.marks_s)
+        ]
+        found.append({"marks": marks})
+        run[name] += 1
+    return found
 
 
 def made_up(name, run, mark):
     """Undisturbed .90 and up by .02 a mark; the camera costs .20, of which .17 come back; the light costs .01."""
-    usual = 0.90 + 0.02 * mark + 0.001 * run
-    fall = {"undisturbed": 0.0, "camera at 60 cm": (0.20, 0.10, 0.03)[mark], "half as bright": 0.01}[name]
-    return usual - fall
+    falls = {
+        "undisturbed": (0.0, 0.0, 0.0),
+        "camera at 60 cm": (0.20, 0.10, 0.03),
+        "camera at 60 cm, begun without its memory": (0.20, 0.10, 0.05),
+        "camera at 60 cm, begun from nothing": (0.40, 0.30, 0.10),
+        "half as bright": (0.01, 0.01, 0.01),
+    }
+    return 0.90 + 0.02 * mark + 0.001 * run - falls[name][mark]
 
 
 def claims(of):
@@ -55,6 +58,13 @@ def test_falls_and_shares_are_what_they_are_called():
     assert found["camera at 60 cm: share won back after 3 min"].value == pytest.approx((0.91 - 0.70) / 0.20)
     assert found["camera at 60 cm: share won back after 3 min, net of learning"].value == pytest.approx(0.17 / 0.20)
     assert found["camera at 60 cm: fall at once"].n == "4 runs: 2 scenarios x 2 seeds"
+
+
+def test_whoever_begins_otherwise_is_held_to_the_same_fall():
+    found = claims(made_up)
+    for way, left in (("without its memory", 0.05), ("from nothing", 0.10)):
+        share = found[f"camera at 60 cm, begun {way}: share won back after 3 min"].value
+        assert share == pytest.approx((0.94 - left - 0.70) / 0.20)
 
 
 def test_only_a_camera_pose_has_a_bar():
@@ -95,7 +105,12 @@ def test_with_blanks_alone_all_is_blank():
 
 def test_all_figures_can_be_drawn_and_have_their_words():
     plots = findings(SIZE, results(made_up)).plots
-    assert [plot.name for plot in plots] == ["falls", "recovery_camera_pose", "recovery_picture"]
+    assert [plot.name for plot in plots] == [
+        "falls",
+        "recovery_camera_pose",
+        "recovery_picture",
+        "ways_to_begin",
+    ]
     assert all(plot.alt for plot in plots)
 
 
@@ -133,7 +148,12 @@ def test_what_is_tried_was_never_lived_in_and_every_trial_is_another(size):
     assert not set(size.before) & set(size.scenarios)
     assert {*size.before, *size.scenarios} <= set(scenarios())
     found = [trial.name for trial in trials(size)]
-    assert len(set(found)) == len(found) == (1 + len(size.disturbances)) * len(size.scenarios) * len(size.seeds)
+    poses = sum(DISTURBANCES[name].kind == "camera pose" for name in size.disturbances)
+    assert (
+        len(set(found))
+        == len(found)
+        == (1 + len(size.disturbances) + 2 * poses) * len(size.scenarios) * len(size.seeds)
+    )
 
 
 def test_the_full_study_is_of_every_disturbance_and_several_runs():
@@ -143,7 +163,11 @@ def test_the_full_study_is_of_every_disturbance_and_several_runs():
 
 
 def test_each_trial_starts_undisturbed_and_is_examined_as_it_lives():
-    for trial in trials(QUICK):
+    for name, trial in robustness._named(QUICK):
+        if name.endswith("from nothing"):
+            assert trial.parameters["start"] is None
+            continue
+        assert trial.parameters["start"]["memory"] == (not name.endswith("without its memory"))
         lived, (here, there) = trial.parameters["lived"], trial.parameters["exams"]["here"]
         assert trial.parameters["start"]["lived"][0]["configuration"] == USUAL.model_dump(mode="json")
         for drive in (here, there):
