@@ -18,6 +18,7 @@ STUDIES = {
     "window": "how long to trust odometry: labels, their truth and the AUC they lead to, by window",
     "ablate": "each choice of the learner alone: loss, memory, augmentation, network, averaging",
     "pioneer": "the paper's second robot: three cameras, a floor sensor, 289 targets; offline and in one pass online",
+    "robustness": "camera pose, exposure, blur, shadows, a person: how far the AUC falls, and how soon it is back",
 }
 
 

@@ -29,7 +29,7 @@ def time(seconds: float) -> str:
 
 
 def curves(groups: Mapping[str, Sequence[Marks]], exam: str) -> Figure:
-    """One line a group of runs."""
+    """One line a group of runs; none for a group without any value."""
     figure = new_figure(4.8, 3.3)
     axes = figure.add_subplot()
     for number, (name, runs) in enumerate(groups.items()):
@@ -37,10 +37,13 @@ def curves(groups: Mapping[str, Sequence[Marks]], exam: str) -> Figure:
         minutes = np.array([mark["lived_s"] / 60 for mark in runs[0]])
         found = values(runs, exam)
         known = ~np.isnan(found).all(0)
+        if not known.any():
+            continue
         low, middle, high = np.nanpercentile(found[:, known], [25, 50, 75], axis=0)
         axes.fill_between(minutes[known], low, high, color=colour, alpha=0.15, linewidth=0)
         axes.plot(minutes[known], middle, color=colour, marker=marker, linestyle=dash, markersize=4, label=name)
     dress(axes, "robot time [min]", "mean AUC, 0 to 25 cm")
-    title = "median; the band holds the middle half of the runs"
-    axes.legend(fontsize=TEXT_PT, frameon=False, title=title, title_fontsize=TEXT_PT)
+    if axes.lines:
+        title = "median; the band holds the middle half of the runs"
+        axes.legend(fontsize=TEXT_PT, frameon=False, title=title, title_fontsize=TEXT_PT)
     return figure

@@ -31,6 +31,8 @@ def ratio(
     (0.15, (0.1, 0.2))
     """
     over, under = np.asarray(above, np.float64), np.asarray(below, np.float64)
+    if not len(over) or over.shape != under.shape:
+        raise ValueError(f"ratio: expected pairs, at least one, got {len(over)} above and {len(under)} below")
     drawn = _drawn(len(over))
     divisors = under[drawn].sum(1)
     if not under.sum() or not divisors.all():

@@ -1,8 +1,8 @@
 """How agents meet and drive: transport, control, and what the simulated robot is made of. All may be left out."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from llrp_online.configuration.rig import Table
 
@@ -76,3 +76,19 @@ class Simulation(Table):
     field_of_view_deg: float = Field(default=68.0, gt=0, lt=180, description="camera, from left edge to right edge")
     camera_height_m: float = Field(default=0.12, gt=0, description="camera, above the floor [m]")
     camera_ahead_m: float = Field(default=0.08, description="camera, ahead of the axle: above the middle sensor [m]")
+    exposure: float = Field(
+        default=1.0, gt=0, description="camera: all it sees is so many times as bright; white is the brightest"
+    )
+    blur_px: float = Field(default=0.0, ge=0, le=10, description="camera out of focus: deviation of its blur [px]")
+    shutter_s: float = Field(
+        default=0.0, ge=0, description="camera's shutter is open so long, one tick at most: what moves is smeared [s]"
+    )
+
+    @model_validator(mode="after")
+    def _shutter_closes_in_time(self) -> Self:
+        if self.shutter_s * self.rate_hz > 1.0 + 1e-9:
+            raise ValueError(
+                f"shutter_s: expected at most one tick, {1 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}, "
+                f"got {self.shutter_s:g}; close the shutter sooner, or lower rate_hz"
+            )
+        return self

@@ -1,5 +1,7 @@
 """The compiled rays give what MuJoCo's and numpy give: every byte of every picture, every range."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
@@ -9,7 +11,7 @@ from agents.robots.simulated import SimulatedRobot, load_scenario
 from agents.robots.simulated.camera import Camera
 from agents.robots.simulated.layout import Layout, Shape
 from agents.robots.simulated.proximity import Proximity
-from agents.robots.simulated.scenario import Light, Surface
+from agents.robots.simulated.scenario import Light, Person, Surface
 from agents.robots.simulated.world import World
 from llrp_online.configuration.running import Simulation
 from replay.compiling import Compiled, plainly
@@ -68,8 +70,8 @@ simulations = st.builds(
 )
 
 
-def world_of(some):
-    return World(Layout(TILES, list(some), (0.0, 0.0, 0.0)))
+def world_of(some, moving=()):
+    return World(Layout(TILES, list(some), (0.0, 0.0, 0.0)), list(moving))
 
 
 def same_picture(camera, positions):
@@ -78,6 +80,16 @@ def same_picture(camera, positions):
         found = camera.picture(pose)
         with plainly():
             np.testing.assert_array_equal(found, camera.picture(pose))
+
+
+def same_ranges(world, simulation, positions):
+    """Proximity sensors feel the same without compiled code."""
+    ours = Proximity(world, simulation, np.random.default_rng(0))
+    theirs = Proximity(world, simulation, np.random.default_rng(0))
+    for pose in positions:
+        found = ours.ranges(pose)
+        with plainly():
+            np.testing.assert_array_equal(found, theirs.ranges(pose))
 
 
 def test_the_kernels_are_there():
@@ -109,18 +121,66 @@ def test_pictures_of_the_scenarios_are_equal(name):
 @settings(max_examples=40)
 @given(st.lists(shapes, max_size=8), several_poses, simulations)
 def test_ranges_are_equal(some, positions, simulation):
-    world = world_of(some)
-    ours = Proximity(world, simulation, np.random.default_rng(0))
-    theirs = Proximity(world, simulation, np.random.default_rng(0))
+    same_ranges(world_of(some), simulation, positions)
+
+
+spots = st.lists(st.tuples(between(-1, 1), between(-1, 1)), min_size=2, max_size=2).map(np.array)
+
+
+def at(shape, spot):
+    return dataclasses.replace(shape, centre_m=(float(spot[0]), float(spot[1]), shape.centre_m[2]))
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(shapes, max_size=4),
+    st.lists(shapes, min_size=2, max_size=2),
+    st.lists(spots, min_size=1, max_size=3),
+    several_poses,
+    lights,
+    simulations,
+)
+def test_pictures_and_ranges_are_equal_wherever_things_were_moved(some, moving, moves, positions, light, simulation):
+    world = world_of(some, moving)
+    camera = Camera(world, light, simulation, 24, 30)
+    for centres_m in moves:
+        world.move(centres_m)
+        same_picture(camera, positions)
+        same_ranges(world, simulation, positions)
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(shapes, max_size=4),
+    # Not turned: MuJoCo takes a still thing for straight that is turned by next to nothing.
+    st.lists(shapes.map(lambda shape: dataclasses.replace(shape, yaw_rad=0.0)), min_size=2, max_size=2),
+    spots,
+    several_poses,
+    lights,
+)
+def test_what_was_moved_is_met_as_if_it_had_always_stood_there(some, moving, centres_m, positions, light):
+    simulation = Simulation(range_noise_m=0.0)
+    world, still = world_of(some, moving), world_of([*some, *map(at, moving, centres_m)])
+    camera, expected = (Camera(of, light, simulation, 24, 30) for of in (world, still))
+    ranges, felt = (Proximity(of, simulation, np.random.default_rng(0)) for of in (world, still))
+    world.move(centres_m)
     for pose in positions:
-        found = ours.ranges(pose)
-        with plainly():
-            np.testing.assert_array_equal(found, theirs.ranges(pose))
+        np.testing.assert_array_equal(camera.picture(pose), expected.picture(pose))
+        np.testing.assert_array_equal(ranges.ranges(pose), felt.ranges(pose))
 
 
-def test_a_drive_is_the_same_without_compiled_code():
+@pytest.mark.parametrize(
+    ("simulation", "scenario"),
+    [
+        (Simulation(), TILES),
+        (Simulation(exposure=1.7, blur_px=1.1, shutter_s=0.04), TILES),
+        (Simulation(), TILES.model_copy(update={"people": [Person(surface="green bottle")] * 2})),
+    ],
+    ids=["usual", "a bad camera", "people"],
+)
+def test_a_drive_is_the_same_without_compiled_code(simulation, scenario):
     def drive():
-        robot = SimulatedRobot(Simulation(), TILES, seed=0, picture=(64, 80))
+        robot = SimulatedRobot(simulation, scenario, seed=0, picture=(64, 80))
         return [robot.step(0.15, np.sin(tick / 10)) for tick in range(60)]
 
     ours = drive()

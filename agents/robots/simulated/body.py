@@ -15,7 +15,7 @@ from llrp_online.configuration.running import Simulation
 from replay.poses import wrap
 
 Floats = NDArray[np.float64]
-Pair = tuple[float, float]  # left and right; plain numbers, because an array of two costs more than its arithmetic
+Pair = tuple[float, float]  # left and right, or x and y; plain, as an array of two costs more than its arithmetic
 
 SLIP_LENGTH_M = 0.01  # `slip` is given after this much of a wheel's way
 TOUCH_M = 0.002  # a contact ends when the body is this far from everything
@@ -24,7 +24,7 @@ HALVINGS = 12  # of a tick's way, to find where it ends at an obstacle: to a few
 
 
 class Body:
-    """A differential drive that walls and obstacles stop.
+    """A differential drive that walls, obstacles and legs stop.
 
     Attributes, after each `step`:
         true_pose: (3,) float64 [x_m, y_m, yaw_rad], in the arena.
@@ -130,10 +130,17 @@ class Body:
         variances = np.array([slip * abs(wheels[0]), slip * abs(wheels[1])])
         self.covariance = by_pose @ self.covariance @ by_pose.T + by_wheels * variances @ by_wheels.T
 
-    def _clearance_m(self, pose: Floats) -> float:
+    @property
+    def disc(self) -> tuple[float, float, float]:
+        """Where the body is, seen from above: its middle's x and y, and its radius [m]."""
+        return *self._middle_m(self.true_pose), self._radius_m
+
+    def _middle_m(self, pose: Floats) -> Pair:
         x, y, yaw = pose.tolist()
-        ahead_m = self._centre_ahead_m
-        return self._footprints.clearance_m([x + ahead_m * math.cos(yaw), y + ahead_m * math.sin(yaw)]) - self._radius_m
+        return x + self._centre_ahead_m * math.cos(yaw), y + self._centre_ahead_m * math.sin(yaw)
+
+    def _clearance_m(self, pose: Floats) -> float:
+        return self._footprints.clearance_m(self._middle_m(pose)) - self._radius_m
 
     def _is_free(self, pose: Floats) -> bool:
         return self._clearance_m(pose) >= -ROUNDING_M
@@ -143,7 +150,7 @@ class Body:
         # The clearance shrinks by no more than the disc's centre moves: where it was large, nobody has to look again.
         way, turn = self._way_and_turn(rolled)
         self._clear_m -= abs(way) + abs(turn) * self._centre_ahead_m
-        if self._clear_m > 0:
+        if self._clear_m > 0 and not self._footprints.moving:
             return 1.0
         self._clear_m = self._clearance_m(self._arc(self.true_pose, rolled))
         if self._clear_m >= -ROUNDING_M:

@@ -2,7 +2,8 @@
 
 Each ray that meets a surface looks up its colour there, and a second ray from the lamp says whether the lamp reaches
 that point. `Camera` does it with MuJoCo's rays and numpy; where `kernels.py` could be compiled, with that: the same
-pictures, many times faster. So that they are the same, neither leaves the order of a sum to a library.
+pictures, many times faster. So that they are the same, neither leaves the order of a sum to a library. What makes a
+picture less than sharp is done afterwards (`lens.py`).
 """
 
 import math
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.robots.simulated import lens
 from agents.robots.simulated.lamp import SHADOW_SLACK_M, Lamp, ShadowMap, dot
 from agents.robots.simulated.mipmaps import HALFWAY, LEVEL_START, MipMaps
 from agents.robots.simulated.scenario import Light
@@ -66,12 +68,27 @@ class Camera:
         self._optics = Optics.build(simulation, height, width)
         self._ahead_m, self._height_m = simulation.camera_ahead_m, simulation.camera_height_m
         self._textures = MipMaps(world)
-        self._lamp = Lamp(light)
+        self._lamp = Lamp(light, simulation.exposure)
+        self._beyond: Floats = np.minimum(simulation.exposure * np.array(BEYOND), 255.0)
+        self._open_share = simulation.shutter_s * simulation.rate_hz
+        self._blur_px = simulation.blur_px
         self._kernels = Compiled("agents.robots.simulated.kernels")
-        self._scene = _scene(world, self._optics, self._textures, self._lamp, simulation)
+        self._shadows = ShadowMap(world, self._lamp)
+        self._scene = self._told(simulation)
 
-    def picture(self, pose: Floats) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8 RGB, seen by a robot at `pose` [x_m, y_m, yaw_rad]."""
+    def picture(self, pose: Floats, before: Floats | None = None) -> NDArray[np.uint8]:
+        """(height, width, 3) uint8 RGB, seen by a robot at `pose` [x_m, y_m, yaw_rad].
+
+        One tick ago it stood at `before`; without it, it stands still. Other things stand still while the shutter is
+        open.
+        """
+        if before is None or not self._open_share:
+            picture = self._sharp(pose)
+        else:
+            picture = lens.smeared([self._sharp(at) for at in lens.way(before, pose, self._open_share)])
+        return lens.blurred(picture, self._blur_px) if self._blur_px else picture
+
+    def _sharp(self, pose: Floats) -> NDArray[np.uint8]:
         x, y, yaw = pose.tolist()
         cos, sin = math.cos(yaw), math.sin(yaw)
         eye = x + self._ahead_m * cos, y + self._ahead_m * sin, self._height_m, cos, sin
@@ -80,6 +97,7 @@ class Camera:
             picture = self._followed(eye)
         else:
             picture = np.empty((len(self._optics.directions), 3), np.uint8)
+            self._follow()
             kernels.picture(eye, *self._scene, picture)
         return picture.reshape(self._optics.height, self._optics.width, 3)
 
@@ -97,31 +115,37 @@ class Camera:
         colour = self._textures.colours(points_m, geom, normal, distance_m * self._optics.pixel_rad / np.sqrt(slant))
 
         seen = np.empty((len(self._optics.directions), 3))
-        seen[:] = BEYOND
+        seen[:] = self._beyond
         share = self._lamp.share(self._world, points_m, normal)
         seen[met] = colour * (self._lamp.ambient + share[:, None] * self._lamp.rgb)
         return np.clip(seen, 0, 255).astype(np.uint8)
 
+    def _follow(self) -> None:
+        """Tell the compiled rays where the things that move are now."""
+        if self._world.moving:
+            self._shadows.follow()
+            surfaces = self._scene[2][0]
+            surfaces[:, 1:4] = self._world.centres_m
 
-def _scene(world: World, optics: Optics, textures: MipMaps, lamp: Lamp, simulation: Simulation) -> tuple[Any, ...]:
-    """What never changes, as `kernels.picture` takes it: optics, solids, textures, lamp and shadows."""
-    down = optics.directions[:, 2]
-    floor_m = np.full(len(down), np.inf)
-    np.divide(-simulation.camera_height_m, down, out=floor_m, where=down < 0)
-    floor_m[floor_m > SIGHT_M] = np.inf
-    pitch = np.deg2rad(simulation.pitch_deg)
-    lens = [1 / optics.pixel_rad, np.cos(pitch), np.sin(pitch), optics.width / 2, optics.height / 2, optics.pixel_rad]
-    surfaces = np.column_stack([textures.period_m, world.centres_m, world.turns, world.tints])
-    shadows = ShadowMap(world, lamp)
-    return (
-        (np.array([*lens, SIGHT_M, STEEPEST, *world.floor_half_m, *BEYOND]), optics.directions, floor_m),
-        world.solids,
-        (surfaces, textures.start, textures.texels, LEVEL_START, HALFWAY),
-        (
-            np.array([*lamp.position_m, SHADOW_SLACK_M, lamp.ambient, *lamp.rgb]),
-            shadows.lamp_m,
-            shadows.grid,
-            shadows.start,
-            shadows.members,
-        ),
-    )
+    def _told(self, simulation: Simulation) -> tuple[Any, ...]:
+        """The scene as `kernels.picture` takes it: optics, solids, textures, lamp and shadows."""
+        optics, world, textures, lamp, shadows = self._optics, self._world, self._textures, self._lamp, self._shadows
+        down = optics.directions[:, 2]
+        floor_m = np.full(len(down), np.inf)
+        np.divide(-simulation.camera_height_m, down, out=floor_m, where=down < 0)
+        floor_m[floor_m > SIGHT_M] = np.inf
+        pitch, middle = np.deg2rad(simulation.pitch_deg), (optics.width / 2, optics.height / 2)
+        numbers = [1 / optics.pixel_rad, np.cos(pitch), np.sin(pitch), *middle, optics.pixel_rad]
+        surfaces = np.column_stack([textures.period_m, world.centres_m, world.turns, world.tints])
+        return (
+            (np.array([*numbers, SIGHT_M, STEEPEST, *world.floor_half_m, *self._beyond]), optics.directions, floor_m),
+            world.solids,
+            (surfaces, textures.start, textures.texels, LEVEL_START, HALFWAY),
+            (
+                np.array([*lamp.position_m, SHADOW_SLACK_M, lamp.ambient, *lamp.rgb]),
+                shadows.lamp_m,
+                shadows.grid,
+                shadows.start,
+                shadows.members,
+            ),
+        )

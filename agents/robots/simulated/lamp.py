@@ -19,16 +19,17 @@ class Lamp:
 
     Attributes:
         position_m: (3,) float64, in the arena.
-        ambient: brightness in the shadow.
+        ambient: brightness in the shadow, as the camera takes it.
         rgb: (3,) float64, brightness it adds to a surface that faces it.
     """
 
-    def __init__(self, light: Light) -> None:
+    def __init__(self, light: Light, exposure: float = 1.0) -> None:
         azimuth, elevation = np.deg2rad([light.azimuth_deg, light.elevation_deg])
         towards = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
         self.position_m: Floats = light.distance_m * np.array(towards)
-        self.ambient = light.ambient
-        self.rgb: Floats = light.strength * np.array([int(light.colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+        self.ambient = exposure * light.ambient
+        colour = np.array([int(light.colour[i : i + 2], 16) / 255 for i in (1, 3, 5)])
+        self.rgb: Floats = exposure * (light.strength * colour)
 
     def share(self, world: World, points_m: Floats, normal: Floats) -> Floats:
         """(N,): cosine between surface and lamp; zero where something stands between."""
@@ -43,9 +44,9 @@ class Lamp:
 class ShadowMap:
     """The solids that may stand between the lamp and what is in its light, by where that light would meet the floor.
 
-    Nothing moves, so a grid over the floor knows once for all whose shadow falls where. A point above the floor is in
-    the way of the same light as the floor's point behind it; points whose light falls beyond the grid have a cell of
-    their own, the last, with all solids.
+    Most solids stand still, so a grid over the floor knows once for all whose shadow falls where. A point above the
+    floor is in the way of the same light as the floor's point behind it; points whose light falls beyond the grid have
+    a cell of their own, the last, with all solids. What moves is in every cell: its shadow is looked for by rays alone.
 
     Attributes:
         lamp_m: (S, 3) float64, where the lamp is in each solid's frame.
@@ -55,9 +56,9 @@ class ShadowMap:
     """
 
     def __init__(self, world: World, lamp: Lamp) -> None:
-        x, y, z = (lamp.position_m - world.solids[:, 1:4]).T
-        cos, sin, up = world.solids[:, 4:7].T
-        self.lamp_m: Floats = np.stack([cos * x + sin * y, cos * y - sin * x, up * z], 1)
+        self._world, self._lamp = world, lamp
+        self.lamp_m: Floats = np.empty((len(world.solids), 3))
+        self.follow()
         half_m = np.array(world.floor_half_m) + MARGIN_M
         cell_m = 2 * half_m / CELLS
         self.grid: Floats = np.array([*-half_m, *1 / cell_m, CELLS])
@@ -65,7 +66,7 @@ class ShadowMap:
         x, y = middles[None, :, 0], middles[:, None, 1]
         count = len(world.solids)
         shaded = np.ones((CELLS * CELLS + 1, count), bool)
-        for index, solid in enumerate(world.solids):
+        for index, solid in enumerate(world.solids[: count - world.moving]):
             edges = _shadow(solid, lamp.position_m)
             # A cell is touched where its middle is no farther outside than its corner is from the middle.
             outside_m = [a * x + b * y + c for a, b, c in edges]
@@ -73,6 +74,12 @@ class ShadowMap:
                 shaded[:-1, index] = (np.max(outside_m, 0) <= np.hypot(*cell_m)).ravel()
         self.start = np.concatenate([[0], np.cumsum(shaded.sum(1))]).astype(np.int32)
         self.members = np.nonzero(shaded)[1].astype(np.int32)
+
+    def follow(self) -> None:
+        """Look where the solids stand now."""
+        x, y, z = (self._lamp.position_m - self._world.solids[:, 1:4]).T
+        cos, sin, up = self._world.solids[:, 4:7].T
+        self.lamp_m[:] = np.stack([cos * x + sin * y, cos * y - sin * x, up * z], 1)
 
 
 def _shadow(solid: Floats, lamp_m: Floats) -> Floats:

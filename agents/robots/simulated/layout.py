@@ -1,9 +1,10 @@
 """A layout: where everything stands in one arena, drawn from a scenario by a seed. Pure geometry, no MuJoCo.
 
 The same list of shapes makes the scene that is seen and felt (`world.py`) and the footprints that block the body
-(`body.py`), so that the three never disagree.
+(`body.py`), so that the three never disagree. What walks about is no part of it (`people.py`).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,6 +47,10 @@ class Shape:
 class Footprints:
     """The outlines of shapes on the floor, as rounded rectangles: a box has no rounding, a round thing is nothing else.
 
+    Args:
+        shapes: what stands still.
+        moving: what may be elsewhere after `move`.
+
     >>> from agents.robots.simulated.scenario import Surface
     >>> grey = Surface(name="grey", pattern="plain", colours=["#888888", "#888888"], period_m=1.0)
     >>> ball = Shape("ball", (1.0, 0.0, 0.05), (0.05, 0.05, 0.05), grey)
@@ -53,8 +58,9 @@ class Footprints:
     0.95
     """
 
-    def __init__(self, shapes: list[Shape]) -> None:
-        solid = [shape for shape in shapes if shape.blocks]
+    def __init__(self, shapes: Sequence[Shape], moving: Sequence[Shape] = ()) -> None:
+        self.moving = len(moving)
+        solid = [shape for shape in shapes if shape.blocks] + list(moving)
         self._centre = np.array([shape.centre_m[:2] for shape in solid], np.float64).reshape(-1, 2)
         half = np.array([shape.half_m[:2] for shape in solid], np.float64).reshape(-1, 2)
         is_box = np.array([shape.kind == "box" for shape in solid], bool)
@@ -62,6 +68,10 @@ class Footprints:
         self._rounding = np.where(is_box, 0.0, half[:, 0])
         yaw = np.array([shape.yaw_rad for shape in solid], np.float64)
         self._cos, self._sin = np.cos(yaw), np.sin(yaw)
+
+    def move(self, centres_m: Floats) -> None:
+        """Put what moves at (M, 2)."""
+        self._centre[len(self._centre) - self.moving :] = centres_m
 
     def clearance_m(self, point_m: ArrayLike) -> float:
         """Distance from a point (2,) to the nearest outline; negative inside, inf where nothing stands."""

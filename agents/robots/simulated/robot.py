@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agents.robots.simulated.body import Body
 from agents.robots.simulated.camera import Camera
 from agents.robots.simulated.layout import Footprints, Layout
+from agents.robots.simulated.people import People
 from agents.robots.simulated.proximity import Proximity
 from agents.robots.simulated.scenario import Scenario
 from agents.robots.simulated.world import World
@@ -67,12 +68,14 @@ class SimulatedRobot:
 
     def __init__(self, simulation: Simulation, scenario: Scenario, seed: int, picture: tuple[int, int] | None) -> None:
         layout = Layout.draw(scenario, seed)
-        world = World(layout)
+        self._people = People(scenario, layout, seed)
+        self._world = World(layout, self._people.shapes)
+        self._footprints = Footprints(layout.shapes, self._people.shapes)
         # One generator each, so that a robot without a camera or with other sensors drives the same way.
         wheels, sensors = np.random.default_rng([seed, 2]), np.random.default_rng([seed, 3])
-        self._body = Body(simulation, Footprints(layout.shapes), layout.start, wheels)
-        self._proximity = Proximity(world, simulation, sensors)
-        self._camera = None if picture is None else Camera(world, scenario.light, simulation, *picture)
+        self._body = Body(simulation, self._footprints, layout.start, wheels)
+        self._proximity = Proximity(self._world, simulation, sensors)
+        self._camera = None if picture is None else Camera(self._world, scenario.light, simulation, *picture)
         self._rate_hz, self._camera_divider = simulation.rate_hz, simulation.camera_divider
         self._ticks = 0
         self.layout = layout
@@ -83,8 +86,11 @@ class SimulatedRobot:
         return self._body.collisions
 
     def step(self, speed_m_s: float, turn_rad_s: float) -> Observation:
-        """Drive for one tick, then look around. The first tick with a picture is the first."""
+        """Others walk for one tick, the robot drives, then it looks around. The first tick has a picture."""
         body = self._body
+        if self._footprints.moving:
+            self._walk()
+        before = body.true_pose
         body.step(speed_m_s, turn_rad_s, 1 / self._rate_hz)
         with_picture = self._camera is not None and self._ticks % self._camera_divider == 0
         self._ticks += 1
@@ -94,7 +100,12 @@ class SimulatedRobot:
             covariance=body.covariance,
             twist=body.twist,
             ranges=self._proximity.ranges(body.true_pose),
-            picture=self._camera.picture(body.true_pose) if self._camera and with_picture else None,
+            picture=self._camera.picture(body.true_pose, before) if self._camera and with_picture else None,
             true_pose=body.true_pose,
             collided=body.blocked,
         )
+
+    def _walk(self) -> None:
+        self._people.step(self._body.disc, 1 / self._rate_hz)
+        self._world.move(self._people.legs_m)
+        self._footprints.move(self._people.legs_m)

@@ -108,6 +108,28 @@ class Obstacles(Table):
         return self
 
 
+class Person(Table):
+    """[[people]]: someone who walks about: two legs, straight on until something stands in the way.
+
+    >>> Person(surface="denim").speed_m_s
+    0.3
+    """
+
+    surface: str = Field(description="name of the trousers' surface")
+    leg_m: float = Field(default=0.08, ge=0.04, le=0.3, description="thickness of a leg [m]")
+    apart_m: float = Field(default=0.14, gt=0, le=0.5, description="from the middle of one leg to the other's [m]")
+    height_m: float = Field(default=0.8, gt=0.05, description="of the legs; nothing is above them [m]")
+    speed_m_s: float = Field(default=0.3, gt=0, le=1.0, description="of walking")
+    stop_m: float = Field(default=0.06, ge=0, description="goes no nearer to the robot than this [m]")
+    patience_s: float = Field(default=2.0, ge=0, description="waits so long for the robot, then goes elsewhere [s]")
+
+    @model_validator(mode="after")
+    def _has_two_legs(self) -> Self:
+        if self.apart_m < self.leg_m:
+            raise ValueError(f"apart_m: the legs would overlap; expected at least leg_m = {self.leg_m:g}")
+        return self
+
+
 class Scenario(Table):
     """The whole of a scenario's TOML."""
 
@@ -115,6 +137,7 @@ class Scenario(Table):
     light: Light
     surface: list[Surface] = Field(min_length=1)
     obstacles: list[Obstacles] = Field(min_length=1)
+    people: list[Person] = Field(default_factory=list[Person])
 
     def surface_named(self, name: str) -> Surface:
         """The surface of that name; the scenario was checked to have it."""
@@ -127,6 +150,7 @@ class Scenario(Table):
             raise ValueError(f"surface: each name must be given once, got {twice} more than once")
         used = {"arena.floor": [self.arena.floor], "arena.wall": [self.arena.wall]}
         used |= {f"obstacles[{i}].surfaces": group.surfaces for i, group in enumerate(self.obstacles)}
+        used |= {f"people[{i}].surface": [person.surface] for i, person in enumerate(self.people)}
         for key, wanted in used.items():
             if missing := [name for name in wanted if name not in names]:
                 raise ValueError(f"{key}: no surface is named {missing[0]!r}; allowed: {', '.join(sorted(names))}")

@@ -1,11 +1,13 @@
-"""The arena as a MuJoCo scene: the one place where rays meet shapes. Nothing moves in it, and no GL is needed.
+"""The arena as a MuJoCo scene: the one place where rays meet shapes. No GL is needed.
 
+Walls and obstacles stand still for good; a few shapes may be moved about the floor between two looks (`World.move`).
 The robot is not part of the scene: its camera and its sensors look outwards from its rim, so it never sees itself.
 
 MuJoCo is the reference. `solids` tells the compiled rays (`kernels.py`) where everything stands, with the numbers that
 MuJoCo has, so that both meet the same things at the same distances.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,9 +23,15 @@ KINDS = ("box", "cylinder", "ball")
 class World:
     """Casts rays into a layout. `surfaces` and `tints` tell, by the geom a ray met, what it looks like there.
 
-    The floor is geom 0, the layout's shapes follow in their order: MuJoCo keeps the order in which geoms were added.
+    The floor is geom 0, the layout's shapes follow in their order, then what moves: MuJoCo keeps the order in which
+    geoms were added.
+
+    Args:
+        layout: what stands still.
+        moving: M shapes that `move` moves, at first where they say; each blocks rays as any other.
 
     Attributes:
+        moving: M; these are the last geoms, and the last solids.
         surfaces: of the G geoms.
         tints: (G,) float64.
         centres_m: (G, 3) float64.
@@ -33,23 +41,32 @@ class World:
             rays meet it the same way from all sides.
     """
 
-    def __init__(self, layout: Layout) -> None:
+    def __init__(self, layout: Layout, moving: Sequence[Shape] = ()) -> None:
         self._mujoco = _import_mujoco()
-        self._model = self._compile(layout)
+        self._model = self._compile(layout, moving)
         self._data = self._mujoco.MjData(self._model)
         self._mujoco.mj_forward(self._model, self._data)
-        arena = layout.scenario.arena
+        arena, shapes = layout.scenario.arena, [*layout.shapes, *moving]
+        self.moving = len(moving)
         self.floor_half_m = (arena.length_m / 2, arena.width_m / 2)
         self.surfaces: list[Surface] = [
             layout.scenario.surface_named(arena.floor),
-            *(shape.surface for shape in layout.shapes),
+            *(shape.surface for shape in shapes),
         ]
-        self.tints: Floats = np.array([1.0, *(shape.tint for shape in layout.shapes)])
+        self.tints: Floats = np.array([1.0, *(shape.tint for shape in shapes)])
         self.centres_m: Floats = self._data.geom_xpos.copy()
         axes: Floats = self._data.geom_xmat.reshape(-1, 3, 3)
         self.turns: Floats = np.stack([axes[:, 0, 0], axes[:, 1, 0], axes[:, 2, 2]], 1)
-        self.solids: Floats = np.array([self._solid(i + 1, shape) for i, shape in enumerate(layout.shapes)])
+        self.solids: Floats = np.array([self._solid(i + 1, shape) for i, shape in enumerate(shapes)])
         self.solids = self.solids.reshape(-1, 10)
+
+    def move(self, centres_m: Floats) -> None:
+        """Put the middles of what moves at (M, 2) on the floor's plane; heights and turns stay."""
+        self._data.mocap_pos[:, :2] = centres_m
+        self._mujoco.mj_kinematics(self._model, self._data)
+        first = len(self.centres_m) - self.moving
+        self.centres_m[first:] = self._data.geom_xpos[first:]
+        self.solids[first - 1 :, 1:4] = self.centres_m[first:]
 
     def cast(self, origin_m: Floats, directions: Floats, cutoff_m: float) -> tuple[Floats, NDArray[np.int32], Floats]:
         """Follow rays from one point.
@@ -83,24 +100,29 @@ class World:
         turn = [1.0, 0.0, 1.0] if shape.kind == "ball" else self.turns[geom].tolist()
         return [KINDS.index(shape.kind), *self.centres_m[geom].tolist(), *turn, *shape.half_m]
 
-    def _compile(self, layout: Layout) -> Any:
+    def _compile(self, layout: Layout, moving: Sequence[Shape]) -> Any:
         spec = self._mujoco.MjSpec()
         arena = layout.scenario.arena
         half = [arena.length_m / 2, arena.width_m / 2, 0.1]  # the last is how densely a plane would be drawn: unused
         spec.worldbody.add_geom(type=self._mujoco.mjtGeom.mjGEOM_PLANE, size=half)
         for shape in layout.shapes:
-            self._add(spec, shape)
+            kind, size, turn = self._form(shape)
+            spec.worldbody.add_geom(type=kind, size=size, pos=list(shape.centre_m), quat=turn)
+        for shape in moving:
+            kind, size, turn = self._form(shape)
+            body = spec.worldbody.add_body(mocap=True, pos=list(shape.centre_m), quat=turn)
+            body.add_geom(type=kind, size=size)
         return spec.compile()
 
-    def _add(self, spec: Any, shape: Shape) -> None:
+    def _form(self, shape: Shape) -> tuple[Any, list[float], list[float]]:
+        """MuJoCo's name of the kind, its size and its turn as a quaternion."""
         kinds, (x, y, z) = self._mujoco.mjtGeom, shape.half_m
         kind, size = {
             "box": (kinds.mjGEOM_BOX, [x, y, z]),
             "cylinder": (kinds.mjGEOM_CYLINDER, [x, z, 0.0]),
             "ball": (kinds.mjGEOM_SPHERE, [x, 0.0, 0.0]),
         }[shape.kind]
-        turn = [np.cos(shape.yaw_rad / 2), 0.0, 0.0, np.sin(shape.yaw_rad / 2)]
-        spec.worldbody.add_geom(type=kind, size=size, pos=list(shape.centre_m), quat=turn)
+        return kind, size, [np.cos(shape.yaw_rad / 2), 0.0, 0.0, np.sin(shape.yaw_rad / 2)]
 
 
 def turned(vectors: Floats, cos: float, sin: float) -> Floats:
