@@ -24,8 +24,8 @@ COMMANDS = {
     "label": "resolve the labels of a recording",
     "train": "train offline over recordings, the paper's way",
     "evaluate": "AUC of a checkpoint for every target and sensor, with intervals",
-    "window": "how long may odometry be trusted? labels, and how far they agree, by window, of your own recordings",
-    "experiment": "a study: its trials, figures, claims with intervals, a page; goes on where it stopped",
+    "window": "how long your robot's odometry may be trusted, from its recordings",
+    "experiment": "a study: trials, figures, claims with intervals; goes on where it stopped",
     "check": "look over a recording or a live robot: clocks, frames, units, rates, ranges",
 }
 
