@@ -17,12 +17,13 @@ from agents.experiments.settings import HELD_OUT, changed, configuration_of, sce
 from agents.experiments.statistics import median
 from agents.experiments.trial import Result, Trial
 from agents.experiments.window_figures import auc_by_window
+from agents.experiments.window_runs import DRIFTING, Runs
 from agents.robots.simulated.body import SLIP_LENGTH_M
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.configuration.running import Simulation
 from llrp_online.figures import WindowPanel
-from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S, recommended
+from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S
 
 #: Name -> what the wheels do; `ordinary` is what `configs/thymio.toml` has.
 QUALITIES: Mapping[str, Mapping[str, float]] = {
@@ -40,7 +41,6 @@ _LEARNED: Mapping[str, Mapping[str, Any]] = {
     DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S},
     BLIND_DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S, "odometry.trust_covariance": False},
 }
-_DRIFTING = (DRIFT, BLIND_DRIFT)
 #: Behaviour and quality.
 Cell = tuple[str, str]
 
@@ -94,38 +94,9 @@ def _named(size: Size) -> Iterator[tuple[Cell, str | None, Trial]]:
                 )
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Of one cell, one value a run.
-
-    Attributes:
-        labelled: what `labelling.label` gave.
-        auc: window -> mean AUC to 25 cm, NaN where undefined.
-    """
-
-    labelled: list[Result]
-    auc: dict[str, list[float]]
-
-    @property
-    def fixed(self) -> list[str]:
-        """Names of the fixed windows that were labelled by, ascending."""
-        return [name for name in self.labelled[0]["windows"] if name not in _DRIFTING]
-
-    def middle(self, window: str, what: str) -> float | None:
-        """The median over runs; None if it is undefined in each."""
-        known = [run["windows"][window][what] for run in self.labelled]
-        known = [value for value in known if value is not None]
-        return float(np.median(known)) if known else None
-
-    @property
-    def best(self) -> str:
-        """The fixed window whose labels are worth most, as the truth tells: the recommended one."""
-        return recommended({name: self.middle(name, "true_worth") or 0.0 for name in self.fixed})
-
-
 def findings(size: Size, results: Sequence[Result]) -> Findings:
     """Curves, recommended windows, and what `drift` gains or loses beside the best fixed one."""
-    found: dict[Cell, _Found] = {cell: _Found([], {}) for cell in size.cells}
+    found: dict[Cell, Runs] = {cell: Runs([], {}) for cell in size.cells}
     for (cell, window, _), result in zip(_named(size), results, strict=True):
         if window is None:
             found[cell].labelled.append(result)
@@ -138,7 +109,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     return Findings(
         "window: how long to trust odometry",
         _story(size),
-        [claim for cell, of in found.items() for claim in _claims(cell, of)],
+        [*_pooled(list(found.values())), *(claim for cell, of in found.items() for claim in _claims(cell, of))],
         numbers,
         [
             Plot(
@@ -169,25 +140,37 @@ def _title(cell: Cell) -> str:
     return f"{BEHAVIOURS[cell[0]]}, {cell[1]} odometry"
 
 
-def _panel(cell: Cell, of: _Found) -> WindowPanel:
+def _panel(cell: Cell, of: Runs) -> WindowPanel:
     per_frame = [of.middle(name, "known") or 0.0 for name in of.fixed]
     drift = of.middle(DRIFT, "known") or 0.0, of.middle(DRIFT, "contradicted")
     shares = [of.middle(name, "contradicted") for name in of.fixed]
     return WindowPanel(_title(cell), of.fixed, per_frame, shares, drift, of.fixed.index(of.best))
 
 
-def _claims(cell: Cell, of: _Found) -> Iterator[Claim]:
+def _pooled(found: Sequence[Runs]) -> Iterator[Claim]:
+    """`drift` beside the best fixed window of each odometry and behaviour, all together."""
+    for name in DRIFTING:
+        for hindsight, which in (
+            (True, "the best fixed window"),
+            (False, "the fixed window that the other runs choose"),
+        ):
+            gains = [gain for of in found for gain in of.gains(name, hindsight=hindsight)]
+            if not np.isnan(gains).all():
+                what = f"all together: AUC with {name} less that with {which} of each odometry and behaviour"
+                yield _claim(what, gains)
+
+
+def _claims(cell: Cell, of: Runs) -> Iterator[Claim]:
     """`drift` beside the best fixed window, then what the labels are."""
-    fixed = {name: auc for name, auc in of.auc.items() if name not in _DRIFTING and not np.isnan(auc).all()}
-    if fixed:
-        best = max(fixed, key=lambda name: float(np.nanmedian(fixed[name])))
-        yield _claim(f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}", fixed[best])
-        for name in _DRIFTING:
+    if (best := of.best_learned()) is not None:
+        yield _claim(f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}", of.auc[best])
+        for name in DRIFTING:
             if name in of.auc:
-                gains = [drift - other for drift, other in zip(of.auc[name], fixed[best], strict=True)]
                 bar = 0.0 if name == DRIFT else None
-                yield _claim(f"{_title(cell)}: AUC with {name} less that with {best}", gains, bar)
-    for name in dict.fromkeys((of.best, UNLIMITED, *_DRIFTING)):
+                yield _claim(
+                    f"{_title(cell)}: AUC with {name} less that with {best}", of.gains(name, hindsight=True), bar
+                )
+    for name in dict.fromkeys((of.best, UNLIMITED, *DRIFTING)):
         shares = [run["windows"][name]["contradicted"] for run in of.labelled]
         known = [math.nan if share is None else float(share) for share in shares]
         also = ", the recommended window" if name == of.best else ""
@@ -199,10 +182,10 @@ def _claim(what: str, found: Sequence[float], bar: float | None = None) -> Claim
     if not known:
         return Claim(what, None, bar, None, "no run")
     middle, interval = median(known)
-    return Claim(what, middle, bar, interval, f"{len(known)} runs, a scenario and a seed each")
+    return Claim(what, middle, bar, interval, f"{len(known)} run{'s' if len(known) > 1 else ''}")
 
 
-def _remark(cell: Cell, of: _Found) -> str:
+def _remark(cell: Cell, of: Runs) -> str:
     told = ", ".join(run["recommended"] or "nothing" for run in of.labelled)
     split = ", ".join(
         f"{name} {_percent(of.middle(name, 'positives'))} and {_percent(of.middle(name, 'negatives'))}"
@@ -231,7 +214,7 @@ def _story(size: Size) -> str:
         f"shortest within 1 % of the best. Learners live one drive ({', '.join(size.learned)}) and are tried on two "
         "other layouts of the scenario, driven with good odometry and labelled by the usual rule, the same for all. "
         "Values are medians over runs, intervals resample runs; differences are paired by run, and the best fixed "
-        "window is the one with the highest median, chosen with hindsight, which drift has not."
+        "window is the one with the highest mean, chosen with hindsight, which drift has not."
     )
 
 

@@ -198,7 +198,7 @@ def results_of(size, auc):
 
 def test_drift_is_held_against_the_best_fixed_window_pair_by_pair(small):
     found = window.findings(small, results_of(small, {"2 s": [0.8, 0.9], UNLIMITED: [0.7, 0.7], DRIFT: [0.82, 0.9]}))
-    gains = [claim for claim in found.claims if "less that with" in claim.what]
+    gains = [claim for claim in found.claims if "AUC with drift less that with 2 s" in claim.what]
     assert len(gains) == len(small.cells) == 2
     for claim in gains:
         assert "drift less that with 2 s" in claim.what
@@ -209,11 +209,20 @@ def test_drift_is_held_against_the_best_fixed_window_pair_by_pair(small):
     assert {plot.name for plot in found.plots} == {"yield_and_contradiction", "auc_by_window"}
 
 
+def test_without_hindsight_a_run_is_held_against_what_the_others_choose(small):
+    auc = {"2 s": [0.9, 0.5], UNLIMITED: [0.6, 0.7], DRIFT: [0.7, 0.7]}
+    found = window.findings(small, results_of(small, auc))
+    [best, others] = [claim for claim in found.claims if claim.what.startswith("all together: AUC with drift less")]
+    assert best.value == pytest.approx((0.7 - 0.9 + 0.7 - 0.5) / 2)  # 2 s is the best of both runs
+    assert others.value == pytest.approx((0.7 - 0.6 + 0.7 - 0.5) / 2)  # the second run has it the other way round
+    assert (best.n, best.holds) == ("4 runs", None)
+
+
 def test_a_score_that_is_undefined_is_left_out_and_none_at_all_is_no_claim(small):
     found = window.findings(small, results_of(small, {"2 s": [0.8, None], UNLIMITED: [None] * 2, DRIFT: [0.7, 0.9]}))
-    [claim, _] = [claim for claim in found.claims if "less that with" in claim.what]
+    [claim, _] = [claim for claim in found.claims if "AUC with drift less that with 2 s" in claim.what]
     assert (claim.value, claim.holds) == (pytest.approx(-0.1), False)
-    assert claim.n.startswith("1 runs")
+    assert claim.n == "1 run"
     found = window.findings(small, results_of(small, {name: [None] * 2 for name in small.learned}))
     assert not any("AUC" in claim.what for claim in found.claims)
 
