@@ -24,7 +24,7 @@ COMMANDS = {
     "label": "resolve the labels of a recording",
     "train": "train offline over recordings, the paper's way",
     "evaluate": "AUC of a checkpoint for every target and sensor, with intervals",
-    "window": "how long odometry may be trusted: labels, and how far they agree, by window",
+    "window": "how long your robot's odometry may be trusted, from its recordings",
     "experiment": "a study: figures, claims with intervals, a page; goes on where it stopped",
     "check": "look over a recording or a live robot: clocks, frames, units, rates, ranges",
 }

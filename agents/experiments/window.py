@@ -15,11 +15,12 @@ from agents.experiments.learning import learning
 from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
 from agents.experiments.trial import Result, Trial
 from agents.experiments.window_figures import auc_by_window
+from agents.experiments.window_runs import DRIFTING, Runs
 from agents.robots.simulated.body import SLIP_LENGTH_M
 from llrp_online import figures
 from llrp_online.configuration.running import Simulation
 from llrp_online.figures import WindowPanel
-from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S, recommended
+from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S
 
 #: Name -> what the wheels do; `ordinary` is what `configs/thymio.toml` has.
 QUALITIES: Mapping[str, Mapping[str, float]] = {
@@ -37,7 +38,6 @@ _LEARNED: Mapping[str, Mapping[str, Any]] = {
     DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S},
     BLIND_DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S, "odometry.trust_covariance": False},
 }
-_DRIFTING = (DRIFT, BLIND_DRIFT)
 _RUNS = "{} runs, a scenario and a seed each"
 #: Behaviour and quality.
 Cell = tuple[str, str]
@@ -93,38 +93,9 @@ def _named(size: Size) -> Iterator[tuple[Cell, str | None, Trial]]:
                 )
 
 
-@dataclass(frozen=True)
-class _Found:
-    """Of one cell, one value a run.
-
-    Attributes:
-        labelled: what `labelling.label` gave.
-        auc: window -> mean AUC to 25 cm, NaN where undefined.
-    """
-
-    labelled: list[Result]
-    auc: dict[str, list[float]]
-
-    @property
-    def fixed(self) -> list[str]:
-        """Names of the fixed windows that were labelled by, ascending."""
-        return [name for name in self.labelled[0]["windows"] if name not in _DRIFTING]
-
-    def middle(self, window: str, what: str) -> float | None:
-        """The median over runs; None if it is undefined in each."""
-        known = [run["windows"][window][what] for run in self.labelled]
-        known = [value for value in known if value is not None]
-        return float(np.median(known)) if known else None
-
-    @property
-    def best(self) -> str:
-        """The fixed window whose labels are worth most, as the truth tells: the recommended one."""
-        return recommended({name: self.middle(name, "true_worth") or 0.0 for name in self.fixed})
-
-
 def findings(size: Size, results: Sequence[Result]) -> Findings:
     """Curves, recommended windows, and what `drift` gains or loses beside the best fixed one."""
-    found: dict[Cell, _Found] = {cell: _Found([], {}) for cell in size.cells}
+    found: dict[Cell, Runs] = {cell: Runs([], {}) for cell in size.cells}
     for (cell, window, _), result in zip(_named(size), results, strict=True):
         if window is None:
             found[cell].labelled.append(result)
@@ -137,7 +108,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     return Findings(
         "window: how long to trust odometry",
         _story(size),
-        [claim for cell, of in found.items() for claim in _claims(cell, of)],
+        [*_pooled(list(found.values())), *(claim for cell, of in found.items() for claim in _claims(cell, of))],
         numbers,
         [
             Plot(
@@ -168,33 +139,43 @@ def _title(cell: Cell) -> str:
     return f"{BEHAVIOURS[cell[0]]}, {cell[1]} odometry"
 
 
-def _panel(cell: Cell, of: _Found) -> WindowPanel:
+def _panel(cell: Cell, of: Runs) -> WindowPanel:
     per_frame = [of.middle(name, "known") or 0.0 for name in of.fixed]
     drift = of.middle(DRIFT, "known") or 0.0, of.middle(DRIFT, "contradicted")
     shares = [of.middle(name, "contradicted") for name in of.fixed]
     return WindowPanel(_title(cell), of.fixed, per_frame, shares, drift, of.fixed.index(of.best))
 
 
-def _claims(cell: Cell, of: _Found) -> Iterator[Claim]:
+def _pooled(found: Sequence[Runs]) -> Iterator[Claim]:
+    """`drift` beside the best fixed window of each odometry and behaviour, all together."""
+    for name in DRIFTING:
+        for hindsight, which in (
+            (True, "the best fixed window"),
+            (False, "the fixed window that the other runs choose"),
+        ):
+            gains = [gain for of in found for gain in of.gains(name, hindsight=hindsight)]
+            if not np.isnan(gains).all():
+                what = f"all together: AUC with {name} less that with {which} of each odometry and behaviour"
+                yield Claim.median(what, gains, _RUNS)
+
+
+def _claims(cell: Cell, of: Runs) -> Iterator[Claim]:
     """`drift` beside the best fixed window, then what the labels are."""
-    fixed = {name: auc for name, auc in of.auc.items() if name not in _DRIFTING and not np.isnan(auc).all()}
-    if fixed:
-        best = max(fixed, key=lambda name: float(np.nanmedian(fixed[name])))
-        yield Claim.median(
-            f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}", fixed[best], _RUNS
-        )
-        for name in _DRIFTING:
+    if (best := of.best_learned()) is not None:
+        what = f"{_title(cell)}: mean AUC at 0 to 25 cm with the best fixed window, {best}"
+        yield Claim.median(what, of.auc[best], _RUNS)
+        for name in DRIFTING:
             if name in of.auc:
-                gains = [drift - other for drift, other in zip(of.auc[name], fixed[best], strict=True)]
                 bar = 0.0 if name == DRIFT else None
+                gains = of.gains(name, hindsight=True)
                 yield Claim.median(f"{_title(cell)}: AUC with {name} less that with {best}", gains, _RUNS, bar)
-    for name in dict.fromkeys((of.best, UNLIMITED, *_DRIFTING)):
+    for name in dict.fromkeys((of.best, UNLIMITED, *DRIFTING)):
         shares = [run["windows"][name]["contradicted"] for run in of.labelled]
         also = ", the recommended window" if name == of.best else ""
         yield Claim.median(f"{_title(cell)}: share of labels contradicted, {name}{also}", shares, _RUNS)
 
 
-def _remark(cell: Cell, of: _Found) -> str:
+def _remark(cell: Cell, of: Runs) -> str:
     told = ", ".join(run["recommended"] or "nothing" for run in of.labelled)
     split = ", ".join(
         f"{name} {_percent(of.middle(name, 'positives'))} and {_percent(of.middle(name, 'negatives'))}"
@@ -224,7 +205,7 @@ def _story(size: Size) -> str:
         f"shortest within 1 % of the best. Learners live one drive ({', '.join(size.learned)}) and are tried on two "
         "other layouts of the scenario, driven with good odometry and labelled by the usual rule, the same for all. "
         "Values are medians over runs, intervals resample runs; differences are paired by run, and the best fixed "
-        "window is the one with the highest median, chosen with hindsight, which drift has not."
+        "window is the one with the highest mean, chosen with hindsight, which drift has not."
     )
 
 
