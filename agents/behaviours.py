@@ -9,6 +9,7 @@ from agents.controllers.curious import Curious
 from agents.controllers.explore import Explore
 from agents.controllers.random_walk import RandomWalk
 from agents.controllers.reflex import Reflex
+from agents.controllers.seek import Seek
 from llrp_online.configuration import RobotConfiguration
 
 
@@ -23,6 +24,7 @@ def _curious(configuration: RobotConfiguration, seed: int) -> Curious:
 _MAKERS: dict[str, Callable[[RobotConfiguration, int], Controller]] = {
     "explore": lambda configuration, seed: Explore(configuration.control, seed),
     "walk": lambda configuration, seed: RandomWalk(configuration.control, seed),
+    "seek": lambda configuration, seed: Seek(configuration.control, seed),
     "avoid": _avoid,
     "curious": _curious,
     "reflex": lambda configuration, _seed: Reflex(configuration.control),
@@ -33,6 +35,7 @@ _MAKERS: dict[str, Callable[[RobotConfiguration, int], Controller]] = {
 BEHAVIOURS = {
     "explore": "the paper's data acquisition: every obstacle from five sides",
     "walk": "random walk on the short-range sensors",
+    "seek": "up to what it has not met yet, along lines that it has not driven yet",
     "avoid": "on predictions alone",
     "curious": "on predictions, but a few times a minute up to something that it feels",
     "reflex": "on the short-range sensors alone",

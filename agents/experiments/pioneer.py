@@ -136,9 +136,23 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
                 "AUC of each target, learned online in one pass, here and in the paper",
             ),
         ],
-        _REMARKS,
+        [*_compared(cells), *_REMARKS],
         [_auc_table(form, cells[form], paper) for form in (_OFFLINE, _ONLINE)] + [_label_table(offline, paper)],
     )
+
+
+def _compared(cells: Mapping[str, Cells]) -> Iterator[str]:
+    """What is owed to the world, and what to the learner."""
+    fewest, paper = min(_MEANS), published()
+    theirs, _, _ = cells[_PAPER].mean(paper.cells(fewest))
+    ours, _, _ = cells[_OFFLINE].mean(paper.cells(fewest))
+    if theirs is not None and ours is not None:
+        yield (
+            f"Over the cells of at least {fewest:,} labels the paper's network and loss reach {theirs:.3f} here, ours "
+            f"{ours:.3f}. So what lies between this and the paper's {paper.auc[paper.cells(fewest)].mean():.3f} is "
+            f"{theirs - paper.auc[paper.cells(fewest)].mean():+.3f} by the world (its noise and cameras, as below) and "
+            f"{ours - theirs:+.3f} by the learner."
+        )
 
 
 #: What is not the paper's own, and so bears on the comparison.

@@ -31,6 +31,11 @@ class Control(Table):
     approaches_per_minute: float = Field(
         default=2.0, ge=0, description="`curious`: how often it drives up to something until a sensor feels it"
     )
+    seek_speed_m_s: float = Field(default=0.18, gt=0, description="`seek`: forward, faster to meet more [m/s]")
+    seek_turn_rad_s: float = Field(default=2.5, gt=0, description="`seek`: in place [rad/s]")
+    closer_m: float = Field(
+        default=0.03, ge=0, description="`seek`: how much closer it drives to what it feels before it turns away [m]"
+    )
     stroke_m: float = Field(
         default=0.30, gt=0, description="acquisition: how far back and forth, the paper's 30 cm [m]"
     )
