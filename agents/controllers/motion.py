@@ -13,6 +13,7 @@ Floats = NDArray[np.float64]
 GAIN_PER_S = 4.0
 HEADING_TOLERANCE_RAD = 0.02
 WAY_TOLERANCE_M = 0.003
+BACK_OFF_M = 0.05  # after a bump: enough for the rim to come free of what it leans on
 
 
 def turning(error_rad: float, control: Control) -> float:

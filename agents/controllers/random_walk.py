@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.controllers.motion import (
+    BACK_OFF_M,
     HEADING_TOLERANCE_RAD,
     WAY_TOLERANCE_M,
     StuckWatch,
@@ -22,7 +23,6 @@ from llrp_online.configuration.running import Control
 Floats = NDArray[np.float64]
 
 TURN_RAD = (np.pi / 3, np.pi)
-BACK_OFF_M = 0.05  # after a bump: enough for the rim to come free of what it leans on
 
 
 class Phase(Enum):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.controllers.known import CELL_M, Known
-from agents.controllers.motion import WAY_TOLERANCE_M, StuckWatch, heading_error, turning
+from agents.controllers.motion import BACK_OFF_M, WAY_TOLERANCE_M, StuckWatch, heading_error, turning
 from llrp_online.configuration.running import Control
 
 Floats = NDArray[np.float64]
@@ -21,7 +21,6 @@ Floats = NDArray[np.float64]
 HEADINGS = 32  # considered before each turn
 SETTLED_RAD = 0.15  # runs are straight whichever way they go: waiting for the exact heading would only cost time
 ONWARD_RAD = 0.4  # turned further by this while something is still felt
-BACK_OFF_M = 0.05  # after a bump: enough for the rim to come free of what it leans on
 THING_M = 0.15  # from the robot's middle to what it feels, about
 
 
