@@ -15,9 +15,10 @@ from llrp_online import checkpoint
 from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.drift import DriftDetector, DriftEvent
-from llrp_online.events import Event
+from llrp_online.events import Event, OdometrySample
 from llrp_online.held_out import HeldFrame, HeldOut
 from llrp_online.labeller import Labeller, NewFrame
+from llrp_online.odometer import Odometer
 from llrp_online.pace import Pace
 from llrp_online.predictor import Predictor
 from llrp_online.prequential import Prequential
@@ -68,6 +69,7 @@ class Learner:
         self.predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
         self.prequential = Prequential(targets.poses, configuration.sensors)
         self.pace = Pace(configuration.training.steps_per_second)
+        self.odometer = Odometer(configuration.odometry.limits())
         self._drift = DriftDetector(len(self.prequential.band_edges_m))
         self.drift_events: deque[DriftEvent] = deque(maxlen=_EVENTS)
         self.closed_counts = np.zeros((*outputs, 2), np.int64)
@@ -79,6 +81,8 @@ class Learner:
     def take(self, event: Event) -> Updates:
         """Take in one event: predict each new frame, remember each label that became known; the label updates."""
         self.pace.advance(event.t_ns, learning=self._can_learn())
+        if isinstance(event, OdometrySample):
+            self.odometer.add(event)
         outcome = self.labeller.take(event)
         for frame in outcome.frames:
             self._predict(frame)
@@ -105,6 +109,7 @@ class Learner:
         """Nothing that comes next belongs to this trajectory."""
         self._remember(self.labeller.end_trajectory())
         self.pace.end_recording()
+        self.odometer.end_recording()
 
     @property
     def _lived_ns(self) -> int:
@@ -184,6 +189,7 @@ class Learner:
         known = self.closed_counts.sum(1)
         return LearnerStatus(
             robot_s=self.pace.lived_s,
+            driven_m=self.odometer.metres,
             frames=self._frames,
             waiting=self.labeller.store.waiting,
             labelled=self._labelled,
@@ -224,6 +230,7 @@ class Learner:
             "training": training_values,
             "memory_random": self.buffer.random_state(),
             "pace": self.pace.state(),
+            "driven_m": self.odometer.metres,
             "publisher": self.publisher.state(),
             "next_id": self.labeller.next_id,
         }
@@ -249,6 +256,7 @@ class Learner:
         self.labeller.restore(tensors["pending"])
         self.held_out.restore(tensors.get("held_out", {}))
         self.pace.restore(manifest["pace"])
+        self.odometer.metres = float(manifest.get("driven_m", 0.0))
         self.publisher.restore(manifest["publisher"])
         self._begin_with(tensors["weights"], int(manifest["version"]))
 

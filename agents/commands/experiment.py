@@ -55,13 +55,14 @@ def run(arguments: argparse.Namespace) -> int:
     if missing:
         runner = Cluster(arguments.ray, drives) if arguments.ray else Local(arguments.processes, drives)
         with runner:
-            for trial, result in track(runner.run(missing), arguments.study, len(missing)):
-                shelf.put(trial, result)
+            for trial, done in track(runner.run(missing), arguments.study, len(missing)):
+                shelf.put(trial, done)
     found = study.findings(size, [shelf.get(trial) for trial in trials])
     page = write(found, output, size.seeds)
     for claim in found.claims:
         print("  ".join(cell for cell in claim.row() if cell))
-    print(f"{len(missing)} trials run, {len(trials) - len(missing)} kept from before; see {page}")
+    cost = f"{len(trials)} trials, {shelf.computing_s(trials) / 60:.0f} minutes of one core"
+    print(f"{cost}; {len(missing)} run now, {len(trials) - len(missing)} kept from before; see {page}")
     if arguments.results:
-        results.put(arguments.results, arguments.study, found)
+        results.put(arguments.results, arguments.study, found, cost)
     return 0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.experiments.local import TrialError
-from agents.experiments.trial import Result, Trial
+from agents.experiments.trial import Done, Trial
 from agents.experiments.worker import run_alone
 
 #: A trial whose worker was lost is begun again this often.
@@ -29,8 +29,8 @@ class Cluster:
         self._drives = drives
         self._ray.init(address=address, log_to_driver=False)
 
-    def run(self, trials: Sequence[Trial]) -> Iterator[tuple[Trial, Result]]:
-        """Each trial with its result, as they end. TrialError if one fails."""
+    def run(self, trials: Sequence[Trial]) -> Iterator[tuple[Trial, Done]]:
+        """Each trial with what came of it, as they end. TrialError if one fails."""
         work = self._ray.remote(num_cpus=1, max_retries=_RETRIES)(run_alone)
         waiting = {work.remote(trial, self._drives): trial for trial in trials}
         while waiting:

@@ -178,12 +178,12 @@ def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
     return folder / "report.html"
 
 
-def section(findings: Findings, command: str) -> str:
-    """The study's part of docs/RESULTS.md."""
+def section(findings: Findings, command: str, cost: str) -> str:
+    """The study's part of docs/RESULTS.md; `cost` says what it took to compute."""
     claims = _markdown(CLAIM_HEADS, [claim.row() for claim in findings.claims])
     remarks = "".join(f"\n- {remark}" for remark in findings.remarks)
     tables = "".join(f"\n{table.markdown()}" for table in findings.tables)
-    return f"## {findings.title}\n\n    {command}\n\n{findings.story}\n\n{claims}\n{remarks}\n{tables}"
+    return f"## {findings.title}\n\n    {command}\n\n{cost}. {findings.story}\n\n{claims}\n{remarks}\n{tables}"
 
 
 def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

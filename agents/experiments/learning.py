@@ -103,9 +103,9 @@ def learn(
         examiner: configuration that the exams are labelled by, as JSON values; None: the learner's own.
 
     Returns:
-        `marks`: one object a mark with `lived_s`, `steps`, `known_labels`, `positive_labels`, and for each exam its
-        `far` and `near` (mean AUC to 25 and to 15 cm, None where no cell has enough labels) and `cells`;
-        `weights_sha256` of the end.
+        `marks`: one object a mark with `lived_s`, `driven_m` by odometry, `steps`, `known_labels`, `positive_labels`,
+        and for each exam its `far` and `near` (mean AUC to 25 and to 15 cm, None where no cell has enough labels) and
+        `cells`; `weights_sha256` of the end.
     """
     form = RobotConfiguration.model_validate(configuration)
     judge = form if examiner is None else RobotConfiguration.model_validate(examiner)
@@ -121,9 +121,10 @@ def learn(
 
     def reached(lived_s: float) -> None:
         status, weights = learner.status(), learner.trainer.weights()
-        told = {"lived_s": lived_s, "steps": status.steps, "known_labels": sum(status.known)}
+        told = {"lived_s": lived_s, "driven_m": status.driven_m, "steps": status.steps}
+        known = {"known_labels": sum(status.known), "positive_labels": sum(status.positives)}
         scores = {name: means(exam, weights) for name, exam in tried.items()}
-        marks.append({**told, "positive_labels": sum(status.positives), **scores})
+        marks.append({**told, **known, **scores})
 
     learn_over(learner, [Drive.of(drive).recorded(folder) for drive in lived], Marks(learner, iter(marks_s), reached))
     return {"marks": marks, "weights_sha256": weights_sha256(learner.trainer.weights())}

@@ -10,7 +10,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from pathlib import Path
 
-from agents.experiments.trial import Result, Trial
+from agents.experiments.trial import Done, Trial
 
 #: How often a trial is begun: a process can be lost to the machine's memory or to a person; a third loss is no chance.
 _TRIES = 3
@@ -34,9 +34,9 @@ class Local:
         self._changing = threading.Lock()
         self._pool = ThreadPoolExecutor(processes)
 
-    def run(self, trials: Sequence[Trial]) -> Iterator[tuple[Trial, Result]]:
-        """Each trial with its result, as they end. TrialError if one fails."""
-        waiting: dict[Future[Result], Trial] = {self._pool.submit(self._one, trial): trial for trial in trials}
+    def run(self, trials: Sequence[Trial]) -> Iterator[tuple[Trial, Done]]:
+        """Each trial with what came of it, as they end. TrialError if one fails."""
+        waiting: dict[Future[Done], Trial] = {self._pool.submit(self._one, trial): trial for trial in trials}
         while waiting:
             for future in wait(waiting, return_when=FIRST_COMPLETED).done:
                 yield waiting.pop(future), future.result()
@@ -51,12 +51,12 @@ class Local:
                 process.kill()
         self._pool.shutdown(cancel_futures=True)
 
-    def _one(self, trial: Trial) -> Result:
+    def _one(self, trial: Trial) -> Done:
         said = ""
         for _ in range(_TRIES):
             code, result, said = self._asked(trial)
             if code == 0:
-                return json.loads(result)
+                return Done(**json.loads(result))
             if code > 0 or self._stopping:
                 break
         raise TrialError(f"trial {trial.name} failed; its parameters: {json.dumps(trial.parameters)[:300]}\n{said}")

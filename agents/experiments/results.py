@@ -12,10 +12,10 @@ Written by `llrp experiment NAME --results docs/RESULTS.md`, a part a study; not
 """
 
 
-def put(page: Path, study: str, findings: Findings) -> None:
-    """Write the study's part of the page; the others stay as they are."""
+def put(page: Path, study: str, findings: Findings, cost: str) -> None:
+    """Write the study's part of the page, `cost` in it: what it took; the others stay as they are."""
     text = page.read_text(encoding="utf-8") if page.exists() else _HEAD
     begin, end = f"<!-- {study} -->\n", f"<!-- end of {study} -->\n"
-    part = f"{begin}{section(findings, f'llrp experiment {study} --results docs/RESULTS.md')}{end}"
+    part = f"{begin}{section(findings, f'llrp experiment {study} --results docs/RESULTS.md', cost)}{end}"
     old = re.compile(re.escape(begin) + ".*?" + re.escape(end), re.DOTALL)
     replace(page, old.sub(lambda _: part, text) if old.search(text) else f"{text}\n{part}")

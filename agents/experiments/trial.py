@@ -2,8 +2,8 @@
 
 import importlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,19 @@ from llrp_online.page import replace
 
 #: What a trial gives: plain JSON values, the same bytes for the same parameters.
 Result = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Done:
+    """A trial that was run.
+
+    Attributes:
+        result: the same whenever and wherever it is run.
+        computing_s: processor time it took, of all its threads; with the drives it had to make.
+    """
+
+    result: Result
+    computing_s: float
 
 
 @dataclass(frozen=True)
@@ -58,12 +71,16 @@ class Shelf:
         except (FileNotFoundError, ValueError):
             return None
         same = isinstance(kept, dict) and kept.get("parameters") == _plain(trial.parameters)
-        return kept["result"] if same and "result" in kept else None
+        return kept["result"] if same and {"result", "computing_s"} <= kept.keys() else None
 
-    def put(self, trial: Trial, result: Result) -> None:
+    def put(self, trial: Trial, done: Done) -> None:
         """Keep a result, beside the parameters that it is of."""
-        told = {"work": trial.work, "parameters": trial.parameters, "result": result}
+        told = {"work": trial.work, "parameters": trial.parameters, **asdict(done)}
         replace(self._file(trial), json.dumps(told, indent=1, allow_nan=False))
+
+    def computing_s(self, trials: Sequence[Trial]) -> float:
+        """Processor time that trials took, all of which are kept."""
+        return sum(json.loads(self._file(trial).read_text(encoding="utf-8"))["computing_s"] for trial in trials)
 
     def _file(self, trial: Trial) -> Path:
         return self._folder / f"{trial.name}.json"

@@ -8,17 +8,20 @@ import json
 import os
 import sys
 import threading
+import time
+from dataclasses import asdict
 from pathlib import Path
 
-from agents.experiments.trial import Result, Trial
+from agents.experiments.trial import Done, Trial
 
 
-def run_alone(trial: Trial, drives: Path) -> Result:
-    """The trial's result, computed in this process on one thread: how many cores there are must not change a digit."""
+def run_alone(trial: Trial, drives: Path) -> Done:
+    """The trial, computed in this process on one thread: how many cores there are must not change a digit."""
     import torch
 
     torch.set_num_threads(1)
-    return trial.run(drives)
+    begun_s = time.process_time()
+    return Done(trial.run(drives), time.process_time() - begun_s)
 
 
 def main() -> None:
@@ -26,8 +29,8 @@ def main() -> None:
     asked = json.loads(sys.stdin.readline())
     threading.Thread(target=_follow, daemon=True).start()
     answer, sys.stdout = sys.stdout, sys.stderr  # what a library prints is not the result
-    result = run_alone(Trial(asked["work"], asked["parameters"]), Path(sys.argv[1]))
-    answer.write(json.dumps(result, allow_nan=False))
+    done = run_alone(Trial(asked["work"], asked["parameters"]), Path(sys.argv[1]))
+    answer.write(json.dumps(asdict(done), allow_nan=False))
 
 
 def _follow() -> None:

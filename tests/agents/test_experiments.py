@@ -24,7 +24,7 @@ from agents.experiments.local import Local, TrialError
 from agents.experiments.settings import changed, configuration_of, scenario, scenarios
 from agents.experiments.shared import made_once
 from agents.experiments.statistics import median
-from agents.experiments.trial import Shelf, Trial
+from agents.experiments.trial import Done, Shelf, Trial
 
 SQUARE = "tests.agents.work:square"
 
@@ -32,7 +32,7 @@ SQUARE = "tests.agents.work:square"
 def test_trials_run_in_processes_and_give_what_they_give_here(tmp_path: Path) -> None:
     trials = [Trial(SQUARE, {"x": x}) for x in (1, 2, 3)]
     with Local(2, tmp_path) as local:
-        found = {trial.name: result for trial, result in local.run(trials)}
+        found = {trial.name: done.result for trial, done in local.run(trials)}
     assert found == {trial.name: trial.run(tmp_path) for trial in trials}
     assert [found[trial.name]["square"] for trial in trials] == [1, 4, 9]
 
@@ -46,8 +46,8 @@ def test_a_trial_that_fails_names_itself_and_says_why(tmp_path: Path) -> None:
 def test_a_killed_process_costs_its_trial_only(tmp_path: Path) -> None:
     trial = Trial("tests.agents.work:die_once", {"mark": str(tmp_path / "died")})
     with Local(1, tmp_path) as local:
-        ((_, result),) = local.run([trial])
-    assert result == {"lived": True}
+        ((_, done),) = local.run([trial])
+    assert done.result == {"lived": True}
     assert (tmp_path / "died").exists()
 
 
@@ -101,8 +101,9 @@ def _gone(pid: int) -> None:
 def test_a_shelf_gives_back_what_was_put_and_nothing_else(tmp_path: Path) -> None:
     shelf, trial = Shelf(tmp_path), Trial(SQUARE, {"x": 3})
     assert shelf.get(trial) is None
-    shelf.put(trial, {"square": 9})
+    shelf.put(trial, Done({"square": 9}, 0.5))
     assert shelf.get(trial) == {"square": 9}
+    assert shelf.computing_s([trial, trial]) == 1.0
     assert shelf.get(Trial(SQUARE, {"x": 4})) is None
     (tmp_path / f"{trial.name}.json").write_text('{"parameters": {"x": 3}, "res')
     assert shelf.get(trial) is None
@@ -170,15 +171,16 @@ def _findings(value: float) -> Findings:
 
 def test_a_page_of_results_holds_each_study_once(tmp_path: Path) -> None:
     page = tmp_path / "RESULTS.md"
-    results.put(page, "scratch", _findings(0.81))
-    results.put(page, "window", _findings(0.82))
-    results.put(page, "scratch", _findings(0.79))
+    results.put(page, "scratch", _findings(0.81), "1 trial")
+    results.put(page, "window", _findings(0.82), "2 trials")
+    results.put(page, "scratch", _findings(0.79), "3 trials")
     text = page.read_text()
     assert text.count("llrp experiment scratch --results") == 1
     assert "0.810" not in text
     assert "| a/b | 0.790 | 0.700 to 0.900 | at least 0.8 | short of it | 3 runs |" in text
     assert "0.820" in text
-    assert section(_findings(0.79), "llrp experiment scratch --results docs/RESULTS.md") in text
+    assert section(_findings(0.79), "llrp experiment scratch --results docs/RESULTS.md", "3 trials") in text
+    assert "1 trial." not in text
 
 
 def test_findings_are_written_as_json_and_page(tmp_path: Path) -> None:
@@ -217,7 +219,7 @@ def test_a_cluster_gives_the_same_and_a_lost_worker_changes_nothing(tmp_path: Pa
     machines = Machines(initialize_head=True, head_node_args={"num_cpus": 2, "include_dashboard": False})
     try:
         with Cluster(machines.address, tmp_path) as cluster:
-            found = {trial.name: result for trial, result in cluster.run(trials)}
+            found = {trial.name: done.result for trial, done in cluster.run(trials)}
     finally:
         machines.shutdown()
     assert found == {trial.name: trial.run(tmp_path) for trial in trials}
