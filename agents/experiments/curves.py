@@ -1,6 +1,6 @@
 """What studies draw alike: the AUC of several runs against robot time, their median and the middle half."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -28,21 +28,38 @@ def time(seconds: float) -> str:
     return f"{seconds:g} s" if seconds < 60 else f"{seconds / 60:g} min"
 
 
-def curves(groups: Mapping[str, Sequence[Marks]], exam: str) -> Figure:
-    """One line a group of runs; none for a group without any value."""
+def _minutes(mark: Result) -> float:
+    return mark["lived_s"] / 60
+
+
+def _metres(mark: Result) -> float:
+    return mark["driven_m"]
+
+
+#: What curves go by: label of the axis, and how to read it off a mark.
+TIME, METRES = ("robot time [min]", _minutes), ("driven, by odometry [m]", _metres)
+Abscissa = tuple[str, Callable[[Result], float]]
+
+
+def curves(groups: Mapping[str, Sequence[Marks]], exam: str, by: Abscissa = TIME) -> Figure:
+    """One line a group of runs; none for a group without any value.
+
+    Where runs differ in what the curve goes by, a mark lies at their median.
+    """
+    label, read = by
     figure = new_figure(4.8, 3.3)
     axes = figure.add_subplot()
     for number, (name, runs) in enumerate(groups.items()):
         colour, marker, dash = LINES[number % len(LINES)]
-        minutes = np.array([mark["lived_s"] / 60 for mark in runs[0]])
+        x = np.median([[read(mark) for mark in marks] for marks in runs], axis=0)
         found = values(runs, exam)
         known = ~np.isnan(found).all(0)
         if not known.any():
             continue
         low, middle, high = np.nanpercentile(found[:, known], [25, 50, 75], axis=0)
-        axes.fill_between(minutes[known], low, high, color=colour, alpha=0.15, linewidth=0)
-        axes.plot(minutes[known], middle, color=colour, marker=marker, linestyle=dash, markersize=4, label=name)
-    dress(axes, "robot time [min]", "mean AUC, 0 to 25 cm")
+        axes.fill_between(x[known], low, high, color=colour, alpha=0.15, linewidth=0)
+        axes.plot(x[known], middle, color=colour, marker=marker, linestyle=dash, markersize=4, label=name)
+    dress(axes, label, "mean AUC, 0 to 25 cm")
     if axes.lines:
         title = "median; the band holds the middle half of the runs"
         axes.legend(fontsize=TEXT_PT, frameon=False, title=title, title_fontsize=TEXT_PT)
