@@ -73,7 +73,7 @@ class Learner:
         self._drift = DriftDetector(len(self.prequential.band_edges_m))
         self.drift_events: deque[DriftEvent] = deque(maxlen=_EVENTS)
         self.closed_counts = np.zeros((*outputs, 2), np.int64)
-        self._drift_count = self._frames = self._labelled = 0
+        self.alarms = self._frames = self._labelled = 0
         self._loss: float | None = None
 
     # --- the loop: take events, then take the steps that are due
@@ -148,7 +148,7 @@ class Learner:
         for row, losses in self.prequential.resolved(updates.frame_ids, updates.labels, updates.closed).items():
             events = self._drift.update(int(updates.t_ns[row]), losses)
             self.drift_events.extend(events)
-            self._drift_count += len(events)
+            self.alarms += len(events)
 
     def _admit(self, frame: HeldFrame, t_ns: int) -> None:
         self._labelled += 1
@@ -203,7 +203,7 @@ class Learner:
             version_age_s=None if newest is None else (self._lived_ns - newest.t_ns) * 1e-9,
             rejected=self.publisher.rejected,
             bands=self.prequential.bands(_STATUS_FRAMES),
-            drift_events=self._drift_count,
+            drift_events=self.alarms,
             drops=dict(self.labeller.drops),
             paused=self.paused,
             sizes={**self.labeller.store.sizes, **self.buffer.sizes},

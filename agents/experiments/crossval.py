@@ -2,23 +2,20 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.commands.evaluate import ROUNDS, exam_of
-from agents.commands.train import STEPS, remember, trained
+from agents.commands.train import STEPS
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.settings import configuration_of, robot_of, scenario, scenarios, with_seed
+from agents.experiments.training import training
 from agents.experiments.trial import Result, Trial
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Score
 from llrp_online.scoring import mean_auc
-from replay import compiling
 
 _OURS, _PAPER, _ONE_OUT = "our recipe, two scenarios out", "the paper's recipe, two out", "our recipe, one out"
 #: AUC to reach, mean over 0 to 25 cm and at 4 to 8 cm by the sensor in the middle.
@@ -64,34 +61,9 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
 
 def _trial(size: Size, form: RobotConfiguration, out: Sequence[str], seed: int) -> Trial:
     robot = robot_of(configuration_of("thymio"))
-    drives = {name: Drive(robot, scenario(name), seed, size.minutes).as_json() for name in size.scenarios}
-    return Trial(
-        "agents.experiments.crossval:train",
-        {
-            "configuration": with_seed(form, seed).model_dump(mode="json"),
-            "learned": [drive for name, drive in drives.items() if name not in out],
-            "tested": {name: drives[name] for name in out},
-            "steps": size.steps,
-        },
-    )
-
-
-def train(
-    folder: Path,
-    configuration: Mapping[str, Any],
-    learned: Sequence[Mapping[str, Any]],
-    tested: Mapping[str, Mapping[str, Any]],
-    steps: int,
-) -> Result:
-    """Train offline on drives; the score on each drive left out, with intervals: name -> score."""
-    form = RobotConfiguration.model_validate(configuration)
-    compiling.use(form.compute.compiled)
-    trainer, _ = trained(form, remember(form, [Drive.of(drive).recorded(folder) for drive in learned]), steps)
-    weights = trainer.weights()
-    return {
-        name: exam_of(form, [Drive.of(drive).recorded(folder)]).score(weights, rounds=ROUNDS).as_json()
-        for name, drive in tested.items()
-    }
+    drives = {name: Drive(robot, scenario(name), seed, size.minutes) for name in size.scenarios}
+    learned = [drive for name, drive in drives.items() if name not in out]
+    return training(with_seed(form, seed), learned, {name: [drives[name]] for name in out}, size.steps)
 
 
 def findings(size: Size, results: Sequence[Result]) -> Findings:

@@ -105,7 +105,7 @@ def learn(
     Returns:
         `marks`: one object a mark with `lived_s`, `driven_m` by odometry, `steps`, `known_labels`, `positive_labels`,
         and for each exam its `far` and `near` (mean AUC to 25 and to 15 cm, None where no cell has enough labels) and
-        `cells`; `weights_sha256` of the end.
+        `cells`; `alarms_s`: when drift was detected, in robot seconds lived; `weights_sha256` of the end.
     """
     form = RobotConfiguration.model_validate(configuration)
     judge = form if examiner is None else RobotConfiguration.model_validate(examiner)
@@ -126,8 +126,15 @@ def learn(
         scores = {name: means(exam, weights) for name, exam in tried.items()}
         marks.append({**told, **known, **scores})
 
-    learn_over(learner, [Drive.of(drive).recorded(folder) for drive in lived], Marks(learner, iter(marks_s), reached))
-    return {"marks": marks, "weights_sha256": weights_sha256(learner.trainer.weights())}
+    alarms_s: list[float] = []
+    look = Marks(learner, iter(marks_s), reached)
+
+    def watch() -> None:
+        look()
+        alarms_s.extend([learner.pace.lived_s] * (learner.alarms - len(alarms_s)))
+
+    learn_over(learner, [Drive.of(drive).recorded(folder) for drive in lived], watch)
+    return {"marks": marks, "alarms_s": alarms_s, "weights_sha256": weights_sha256(learner.trainer.weights())}
 
 
 def means(exam: Exam, weights: Weights) -> dict[str, float | int | None]:

@@ -80,10 +80,10 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     story = (
         f"The learner begins with random weights in each of {len(size.scenarios)} scenarios, {len(size.seeds)} seeds "
         "each (layout, noise, weights), while the robot seeks; its weights are tried as they are at each mark on "
-        f"{_LAYOUTS} other layouts of the same scenario, {size.held_out_minutes:g} minutes each, driven as the paper's robot "
-        "acquires its data, whatever the robot that learns does. `As fast` is at the speeds of seeking. Mean AUC is "
-        "over the cells (target x sensor) with at least ten known labels of each class; values are medians over runs, "
-        "intervals resample runs."
+        f"{_LAYOUTS} other layouts of the same scenario, {size.held_out_minutes:g} minutes each, driven as the "
+        "paper's robot acquires its data, whatever the robot that learns does. `As fast` is at the speeds of seeking. "
+        "Mean AUC is over the cells (target x sensor) with at least ten known labels of each class; values are medians "
+        "over runs, intervals resample runs."
     )
     return Findings(
         "scratch: from nothing",
