@@ -104,7 +104,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     first = list(_named(size))
     for (form, _), result in zip(first, results[: len(first)], strict=True):
         if form == _ORACLE:
-            oracle.append(mean_auc(Score.of_json(result["new"]), FAR_M)[0])
+            oracle.append(mean_auc(Score.of_json(result["new"]["score"]), FAR_M)[0])
         else:
             runs.setdefault(form, []).append(result["marks"])
     row: dict[str, list[Result]] = {}
