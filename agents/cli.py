@@ -18,7 +18,7 @@ COMMANDS = {
     "robot": "the simulated robot, as an agent",
     "learn": "the learner: live on a robot, or over recordings",
     "perceive": "predictions from the newest frame and the newest weights, as an agent",
-    "control": "a controller: explore, random walk, or driving on predictions alone, as an agent",
+    "control": "a controller: seeks what was not met yet, or drives on predictions",
     "record": "write all of a robot's topics to an MCAP file; or a simulated drive, in virtual time",
     "play": "play a recording as if it were the robot, as an agent",
     "label": "resolve the labels of a recording",

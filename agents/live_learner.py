@@ -94,7 +94,7 @@ class _Voice:
         return self._intake.drops + Counter(missed)
 
     def weights(self, version: Version) -> None:
-        self._weights.put(weights.encode(version.weights, version.number))
+        self._weights.put(weights.encode(version.outgoing, version.number))
 
     def status(self, now: LearnerStatus) -> None:
         now = replace(now, drops={**now.drops, **self.drops()})

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from llrp_online import checkpoint
 from llrp_online.architecture import Weights
+from llrp_online.calibration import Calibration
+from llrp_online.calibrator import Calibrator
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.drift import DriftDetector, DriftEvent
 from llrp_online.events import Event, OdometrySample
@@ -68,6 +70,7 @@ class Learner:
         self.publisher = Publisher(publishing, self.trainer.judge)
         self.predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
         self.prequential = Prequential(targets.poses, configuration.sensors)
+        self.calibrator = Calibrator(configuration.calibration, self.prequential)
         self.pace = Pace(configuration.training.steps_per_second)
         self.odometer = Odometer(configuration.odometry.limits())
         self._drift = DriftDetector(len(self.prequential.band_edges_m))
@@ -103,7 +106,9 @@ class Learner:
         self._loss = self.trainer.step(batch, self.buffer.class_counts)
         if not self.publisher.due(self._lived_ns):
             return None
-        return self._published(self.publisher.offer(self.trainer.weights(), self.held_out.batch(), self._lived_ns))
+        now_ns = self._lived_ns
+        calibration = self.calibrator.at(now_ns)
+        return self._published(self.publisher.offer(self.trainer.weights(), self.held_out.batch(), now_ns, calibration))
 
     def end_recording(self) -> None:
         """Nothing that comes next belongs to this trajectory."""
@@ -149,6 +154,8 @@ class Learner:
             events = self._drift.update(int(updates.t_ns[row]), losses)
             self.drift_events.extend(events)
             self.alarms += len(events)
+            if events:
+                self.publisher.mark()  # what it knew before the change stays within reach
 
     def _admit(self, frame: HeldFrame, t_ns: int) -> None:
         self._labelled += 1
@@ -165,15 +172,16 @@ class Learner:
 
     def publish_now(self) -> Version:
         """Publish the weights as they are, without asking the gate: at the end of a run."""
-        version = self.publisher.publish(self.trainer.weights(), self._lived_ns)
+        now_ns = self._lived_ns
+        version = self.publisher.publish(self.trainer.weights(), now_ns, calibration=self.calibrator.at(now_ns))
         self.predictor.load(version.weights, version.number)
         return version
 
     def roll_back(self, number: int) -> Version:
         """Go back to a version kept (KeyError says which): it is published anew, and training goes on from it."""
-        weights = self.publisher.find(number).weights
-        self.trainer.become(weights)
-        version = self.publisher.publish(weights, self._lived_ns)
+        old = self.publisher.find(number)
+        self.trainer.become(old.weights)
+        version = self.publisher.publish(old.weights, self._lived_ns, calibration=old.calibration)
         self.predictor.load(version.weights, version.number)
         return version
 
@@ -232,6 +240,7 @@ class Learner:
             "pace": self.pace.state(),
             "driven_m": self.odometer.metres,
             "publisher": self.publisher.state(),
+            "calibration": self.calibrator.newest.as_json(),
             "next_id": self.labeller.next_id,
         }
         checkpoint.save(path, tensors, manifest, {"frames": self.buffer.shards()})
@@ -258,7 +267,7 @@ class Learner:
         self.pace.restore(manifest["pace"])
         self.odometer.metres = float(manifest.get("driven_m", 0.0))
         self.publisher.restore(manifest["publisher"])
-        self._begin_with(tensors["weights"], int(manifest["version"]))
+        self._begin_with(tensors["weights"], manifest)
 
     def warm_start(self, path: str | Path, *, memory: bool = True) -> None:
         """Begin with a checkpoint's weights and, unless told otherwise, its memory; all else begins anew."""
@@ -268,7 +277,7 @@ class Learner:
         if memory and "memory" in tensors:
             tensors["memory"]["uses"][:] = 0  # training offline would have used up all frames many times over
             self._restore_memory(path, tensors["memory"], manifest)
-        self._begin_with(tensors["weights"], int(manifest["version"]))
+        self._begin_with(tensors["weights"], manifest)
 
     def _must_fit(self, path: str | Path, weights: Weights, manifest: dict[str, Any]) -> None:
         checkpoint.must_fit(path, manifest, self.configuration.model_dump(mode="json"))
@@ -286,7 +295,9 @@ class Learner:
         self.buffer.restore(memory, frames, manifest["memory_random"])
         self.labeller.next_id = int(manifest["next_id"])
 
-    def _begin_with(self, weights: Weights, number: int) -> None:
-        self.publisher.go_on_from(number)
-        version = self.publisher.publish(weights, self._lived_ns)
+    def _begin_with(self, weights: Weights, manifest: dict[str, Any]) -> None:
+        if "calibration" in manifest:  # training offline makes no prequential pairs, so it has none
+            self.calibrator.newest = Calibration.of_json(manifest["calibration"])
+        self.publisher.go_on_from(int(manifest["version"]))
+        version = self.publisher.publish(weights, self._lived_ns, calibration=self.calibrator.newest)
         self.predictor.load(version.weights, version.number)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from llrp_online.architecture import Weights
+from llrp_online.calibration import Calibration
 from llrp_online.configuration.learning import Publishing
 from replay.batch import Batch
 
@@ -24,12 +25,19 @@ class Version:
         t_ns: when, by the clock of `offer` and `publish`.
         weights: name to float32 array.
         held_out_loss: by which they were judged [nats]; None where nothing could judge them.
+        calibration: by which their probabilities mean what they say; None: they are as they come.
     """
 
     number: int
     t_ns: int
     weights: Weights
     held_out_loss: float | None
+    calibration: Calibration | None = None
+
+    @property
+    def outgoing(self) -> Weights:
+        """The weights for all who predict with them: calibrated."""
+        return self.weights if self.calibration is None else self.calibration.fold(self.weights)
 
 
 class Publisher:
@@ -44,6 +52,7 @@ class Publisher:
         self._settings = settings
         self._judge = judge
         self._versions: deque[Version] = deque(maxlen=settings.keep)
+        self._marked: deque[Version] = deque(maxlen=settings.keep)
         self._start_ns: int | None = None
         self._tried_ns: int | None = None
         self._published = 0
@@ -62,13 +71,20 @@ class Publisher:
     @property
     def kept(self) -> list[int]:
         """Numbers of the versions kept, oldest first."""
-        return [version.number for version in self._versions]
+        return sorted({version.number for version in (*self._marked, *self._versions)})
+
+    def mark(self) -> None:
+        """Keep the newest version for longer: as many marked ones as there are others."""
+        if self.newest is not None and self.newest not in self._marked:
+            self._marked.append(self.newest)
 
     def due(self, t_ns: int) -> bool:
         """Is it time to try again?"""
         return self._tried_ns is None or t_ns - self._tried_ns >= self._settings.every_s * 1e9
 
-    def offer(self, weights: Weights, held_out: Batch | None, t_ns: int) -> Version | None:
+    def offer(
+        self, weights: Weights, held_out: Batch | None, t_ns: int, calibration: Calibration | None = None
+    ) -> Version | None:
         """Publish `weights` unless the held-out slice finds them worse than the newest; the new version, or None.
 
         The gate stays open for the first `trust_after_s`: early on every learner gets worse before it gets better.
@@ -86,17 +102,23 @@ class Publisher:
             if now is not None and loss > now * (1 + self._settings.margin):
                 self.rejected += 1
                 return None
-        return self.publish(weights, t_ns, loss)
+        return self.publish(weights, t_ns, loss, calibration)
 
-    def publish(self, weights: Weights, t_ns: int, held_out_loss: float | None = None) -> Version:
+    def publish(
+        self,
+        weights: Weights,
+        t_ns: int,
+        held_out_loss: float | None = None,
+        calibration: Calibration | None = None,
+    ) -> Version:
         """Publish without asking."""
         self._published += 1
-        self._versions.append(Version(self._published, t_ns, weights, held_out_loss))
+        self._versions.append(Version(self._published, t_ns, weights, held_out_loss, calibration))
         return self._versions[-1]
 
     def find(self, number: int) -> Version:
         """A version kept; KeyError says which there are."""
-        for version in self._versions:
+        for version in (*self._marked, *self._versions):
             if version.number == number:
                 return version
         raise KeyError(f"version {number} is not kept; kept: {self.kept}")

@@ -13,7 +13,7 @@ _LOOK_EVERY_S = 0.05
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
-    parser.add_argument("--behaviour", choices=tuple(BEHAVIOURS), default="explore", help="(default: explore)")
+    parser.add_argument("--behaviour", choices=tuple(BEHAVIOURS), default="seek", help="(default: seek)")
     parser.add_argument("--seed", type=int, default=0, help="of its random choices (default 0)")
     options.add_minutes(parser, math.inf, "of the robot's time")
     parser.epilog = (

@@ -18,7 +18,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--simulate", action="store_true", help="drive the simulated robot in this process: the same bytes every time"
     )
     without_predictions = tuple(name for name in BEHAVIOURS if name != "avoid")
-    parser.add_argument("--behaviour", default="explore", choices=without_predictions)
+    parser.add_argument("--behaviour", default="seek", choices=without_predictions, help="(default: seek)")
     options.add_world(parser)
     parser.epilog = (
         "examples:\n"

@@ -89,7 +89,7 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
                 f"{everyone - present(session, robot)} did not start within {_START_S:g} s: see {plan.output / 'logs'}"
             )
         drive = ("control", "--seed", str(plan.seed), "--behaviour")
-        fleet.start("controller", *drive, "explore", "--minutes", str(plan.minutes))
+        fleet.start("controller", *drive, "seek", "--minutes", str(plan.minutes))
         world = ("--scenario", str(plan.scenario), "--seed", str(plan.seed))
         fleet.start("robot", "robot", *world, "--speed", str(plan.speed))
         until(lambda: fleet.ended_well("controller"))

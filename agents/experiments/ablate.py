@@ -75,7 +75,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
         for name in size.scenarios:
             held_out = [Drive(robot, scenario(name), HELD_OUT + i, size.held_out_minutes) for i in (0, 1)]
             for seed in size.seeds:
-                lived = [Drive(robot, scenario(name), seed, size.marks_s[-1] / 60)]
+                lived = [Drive(robot, scenario(name), seed, size.marks_s[-1] / 60, "seek")]
                 yield form, learning(with_seed(learner, seed), lived, {"new": held_out}, size.marks_s)
 
 

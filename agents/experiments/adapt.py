@@ -15,7 +15,16 @@ from agents.experiments.curves import Marks, curves, time, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import FAR_M, Start, learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, scenarios, with_seed
+from agents.experiments.settings import (
+    HELD_OUT,
+    changed,
+    configuration_of,
+    plain,
+    robot_of,
+    scenario,
+    scenarios,
+    with_seed,
+)
 from agents.experiments.training import training
 from agents.experiments.trial import Result, Trial
 from llrp_online.metrics import Score
@@ -87,7 +96,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
         for seed, lived in all_lived.items():
             form = with_seed(usual, seed)
             before = [Drive(robot, scenario(name), seed, size.old_minutes, "seek") for name in size.old]
-            start = Start(form.model_dump(mode="json"), before)
+            start = Start(plain(form), before)
             alone = replace(start, memory=False)
             yield _WARM, learning(form, [lived], exams, size.marks_s, start=start)
             yield _FORGETFUL, learning(form, [lived], exams, size.marks_s, start=alone)

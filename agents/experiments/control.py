@@ -12,7 +12,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.driving import driving, living
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, plain, robot_of, scenario, with_seed
 from agents.experiments.statistics import ratio
 from agents.experiments.trial import Result, Trial
 from llrp_online.configuration import RobotConfiguration
@@ -24,7 +24,7 @@ _UNSEEN = 2 * HELD_OUT
 _RATIO_BAR = 0.1
 #: Ways to drive while learning: name -> (behaviour, changes of the configuration).
 _LIVES: Mapping[str, tuple[str, Mapping[str, Any]]] = {
-    "exploring": ("explore", {}),
+    "seeking": ("seek", {}),
     "avoiding": ("avoid", {}),
     "avoiding, no floor of positives": ("avoid", {"memory.positives_floor": 0.0}),
     "avoiding, twice the floor": ("avoid", {"memory.positives_floor": 0.4}),
@@ -71,7 +71,7 @@ def _judged(size: Size) -> Iterator[tuple[str, Trial]]:
     usual = configuration_of("thymio")
     for name in size.scenarios:
         for seed in size.seeds:
-            form = with_seed(usual, seed).model_dump(mode="json")
+            form = plain(with_seed(usual, seed))
             avoid = Drive(form, scenario(name), _UNSEEN + seed, size.minutes, "avoid")
             for minutes in size.learned_minutes:
                 sight = asdict(_start(usual, name, seed, minutes)) if minutes else "untrained"
@@ -89,14 +89,14 @@ def _lived(size: Size) -> Iterator[tuple[str, Trial]]:
         for name in size.lived_scenarios:
             exam = [Drive(robot_of(usual), scenario(name), HELD_OUT + i, size.exam_minutes) for i in (0, 1)]
             for seed in size.seeds:
-                form = with_seed(changed(usual, changes), seed).model_dump(mode="json")
+                form = plain(with_seed(changed(usual, changes), seed))
                 drive = Drive(form, scenario(name), seed, float(size.lived_minutes), behaviour)
                 yield life, living(drive, asdict(_start(usual, name, seed, minutes)), exam)
 
 
 def _start(form: RobotConfiguration, name: str, seed: int, minutes: int) -> Start:
-    lived = Drive(robot_of(form), scenario(name), seed, float(minutes))
-    return Start(with_seed(form, seed).model_dump(mode="json"), [lived])
+    lived = Drive(robot_of(form), scenario(name), seed, float(minutes), "seek")
+    return Start(plain(with_seed(form, seed)), [lived])
 
 
 def _learned(minutes: int) -> str:
@@ -113,7 +113,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
         lived.setdefault(life, []).append(result)
     before = size.learned_minutes[len(size.learned_minutes) // 2]
     story = (
-        f"A learner explores one layout of a scenario ({', '.join(size.scenarios)}; {len(size.seeds)} seeds each) for "
+        f"A learner seeks in one layout of a scenario ({', '.join(size.scenarios)}; {len(size.seeds)} seeds each) for "
         f"0 to {size.learned_minutes[-1]} minutes; its weights then drive {size.minutes:g} minutes in a layout "
         "it never saw, on predictions alone (`avoid`), beside the proximity reflex, random driving, and the same "
         "controller given the true clearance. Second part: after "

@@ -21,6 +21,7 @@ from agents.robots.wire import Wire
 from agents.rollout import rollout, seen_by
 from agents.simulated_drive import simulated_robot
 from llrp_online import checkpoint
+from llrp_online.calibration import Calibration
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.learner import Learner
 from llrp_online.predictor import Predictor
@@ -82,7 +83,7 @@ def live(folder: Path, drive: Mapping[str, Any], start: Mapping[str, Any], exam:
     learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
     tried = exam_of(form, [Drive.of(one).recorded(folder) for one in exam])
     before = means(tried, learner.trainer.weights())
-    driven = rollout(robot, pilot, form, 60 * drive["minutes"], seen_by(learner.predictor))
+    driven = rollout(robot, pilot, form, 60 * drive["minutes"], _as_published(learner))
     told: list[Result] = []
     tally, labels = Tally(robot), np.zeros(2, np.int64)
     ticks = round(60 * form.simulated().rate_hz)
@@ -102,6 +103,19 @@ def _begun(drive: Drive, *, camera: bool = True) -> tuple[RobotConfiguration, Si
     compiling.use(form.compute.compiled)
     robot = simulated_robot(form, arena, drive.seed, camera=camera)
     return form, robot, controller(drive.behaviour, form, drive.seed)
+
+
+def _as_published(learner: Learner) -> Sight:
+    """What others predict with the newest weights it published: calibrated, unlike its own predictions."""
+    raw = seen_by(learner.predictor)
+
+    def perceive(seen: Observation) -> NDArray[np.float32] | None:
+        probabilities, version = raw(seen), learner.publisher.newest
+        if probabilities is None or version is None or version.calibration is None:
+            return probabilities
+        return version.calibration.apply(probabilities[None])[0].astype(np.float32)
+
+    return perceive
 
 
 def _learning(learner: Learner, form: RobotConfiguration, driven: Iterable[Observation]) -> Iterator[Observation]:
@@ -146,7 +160,8 @@ def _sight(folder: Path, form: RobotConfiguration, layout: Layout, sight: str | 
     if sight == "truth":
         return _truth(form, layout)
     if isinstance(sight, Mapping):
-        weights = checkpoint.load(Start.of(sight).checkpoint(folder))[0]["weights"]
+        tensors, manifest = checkpoint.load(Start.of(sight).checkpoint(folder))
+        weights = Calibration.of_json(manifest["calibration"]).fold(tensors["weights"])
     elif sight == "untrained":
         weights = Trainer(form).weights()
     else:

@@ -10,12 +10,21 @@ from llrp_online.configuration import RobotConfiguration, load
 #: Seeds of held-out layouts lie this far from those that are lived in.
 HELD_OUT = 1000
 CONFIGS = Path("configs")
-_LEARNING = {"memory", "network", "augmentation", "training", "compute", "publishing"}
+_LEARNING = {"memory", "network", "augmentation", "training", "compute", "publishing", "calibration"}
+#: Tables that came after the first results were kept: as they are by default, no result depends on their being told.
+_YOUNGER = {"calibration"}
 
 
 def configuration_of(robot: str) -> RobotConfiguration:
     """The configuration of a robot in `configs/`."""
     return load(CONFIGS / f"{robot}.toml")
+
+
+def plain(configuration: RobotConfiguration) -> dict[str, Any]:
+    """The whole configuration, as JSON values: what a trial depends on."""
+    usual = {name: field.get_default() for name, field in RobotConfiguration.model_fields.items()}
+    left_out = {name for name in _YOUNGER if getattr(configuration, name) == usual[name]}
+    return configuration.model_dump(mode="json", exclude=left_out)
 
 
 def robot_of(configuration: RobotConfiguration) -> dict[str, Any]:
@@ -40,10 +49,10 @@ def with_seed(configuration: RobotConfiguration, seed: int) -> RobotConfiguratio
 
 def changed(configuration: RobotConfiguration, changes: Mapping[str, Any]) -> RobotConfiguration:
     """The same with some keys changed, named `table.key` as in the TOML; each is checked as a file's would be."""
-    told = configuration.model_dump(mode="json")
+    tables = configuration.model_dump(mode="json")
     for name, value in changes.items():
         table, _, key = name.partition(".")
-        if key not in told[table]:
-            raise ValueError(f"{name}: no such key; [{table}] has {', '.join(told[table])}")
-        told[table][key] = value
-    return RobotConfiguration.model_validate(told)
+        if key not in tables[table]:
+            raise ValueError(f"{name}: no such key; [{table}] has {', '.join(tables[table])}")
+        tables[table][key] = value
+    return RobotConfiguration.model_validate(tables)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from agents.commands.evaluate import ROUNDS, exam_of
 from agents.commands.train import remember, trained
 from agents.experiments.drives import Drive
+from agents.experiments.settings import plain
 from agents.experiments.trial import Result, Trial
 from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
@@ -29,7 +30,7 @@ def training(
     return Trial(
         "agents.experiments.training:train",
         {
-            "configuration": configuration.model_dump(mode="json"),
+            "configuration": plain(configuration),
             "learned": [drive.as_json() for drive in learned],
             "tested": {name: [drive.as_json() for drive in drives] for name, drives in tested.items()},
             "steps": steps,

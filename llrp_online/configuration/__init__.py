@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from llrp_online.configuration.learning import Augmentation, Compute, Memory, Network, Publishing, Training
+from llrp_online.configuration.learning import Augmentation, Calibrating, Compute, Memory, Network, Publishing, Training
 from llrp_online.configuration.load import ConfigurationError, load_toml, validate
 from llrp_online.configuration.rig import (
     Camera,
@@ -44,6 +44,7 @@ class RobotConfiguration(Table):
     augmentation: Augmentation = Augmentation()
     training: Training = Training()
     publishing: Publishing = Publishing()
+    calibration: Calibrating = Calibrating()
     compute: Compute = Compute()
     transport: Transport = Transport()
     control: Control = Control()

@@ -63,6 +63,13 @@ class Training(Table):
     seed: int = Field(default=0, ge=0)
 
 
+class Calibrating(Table):
+    """[calibration]: that a probability that goes out means what it says."""
+
+    every_s: float = Field(default=10.0, gt=0, description="fit anew this often, by the sensors' clock [s]")
+    frames: int = Field(default=1200, ge=8, description="newest predicted frames that a fit is of")
+
+
 class Compute(Table):
     """[compute]."""
 

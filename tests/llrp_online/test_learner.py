@@ -6,6 +6,7 @@ import pytest
 from llrp_online import checkpoint
 from llrp_online.checkpoint import CheckpointError
 from llrp_online.digest import weights_sha256
+from llrp_online.drift import DriftEvent
 from llrp_online.events import Picture
 from llrp_online.learner import Learner
 from llrp_online.trainer import Trainer
@@ -280,6 +281,30 @@ def test_roll_back_goes_on_from_an_old_version():
     assert weights_sha256(version.weights) == old
     with pytest.raises(KeyError, match="version 999 is not kept"):
         learner.roll_back(999)
+
+
+def test_what_goes_out_is_calibrated_and_a_checkpoint_keeps_it(tmp_path):
+    learner = live(Learner(configuration()), SHORT)
+    version = learner.publish_now()
+    assert not np.array_equal(version.calibration.scale, np.ones(len(version.calibration.scale)))
+    assert weights_sha256(version.outgoing) != weights_sha256(version.weights)
+    learner.save(tmp_path / "kept")
+    for begin in (Learner.load, Learner.warm_start):
+        again = Learner(configuration())
+        begin(again, tmp_path / "kept")
+        assert weights_sha256(again.publisher.newest.outgoing) == weights_sha256(version.outgoing)
+        assert weights_sha256(again.publisher.newest.weights) == weights_sha256(version.weights)
+
+
+def test_an_alarm_keeps_what_was_known_before():
+    learner = live(Learner(configuration()), SHORT)
+    before = learner.publisher.newest.number
+    learner._drift.update = lambda t_ns, losses: [DriftEvent(t_ns, 0, 0.1, 0.9)] if learner.alarms == 0 else []
+    live(learner, events(30, seed=3, start_ns=15 * S))
+    assert learner.alarms == 1
+    marked = learner.publisher.kept[0]
+    assert before <= marked < learner.publisher.newest.number - learner.configuration.publishing.keep
+    assert learner.roll_back(marked).number == learner.publisher.newest.number
 
 
 def test_held_out_frames_are_not_trained_on_while_they_judge(monkeypatch):

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from llrp_online.calibration import Calibration
 from llrp_online.configuration.learning import Publishing
 from llrp_online.publisher import Publisher
 from replay.batch import Batch
@@ -110,3 +111,30 @@ def test_numbers_only_grow():
     gate.go_on_from(3)
     assert gate.publish(weights(1), 0).number == 9
     assert gate.offer(weights(1), HELD_OUT, S).number == 10
+
+
+def test_a_marked_version_stays_within_reach():
+    gate = publisher()
+    gate.offer(weights(1.0), HELD_OUT, 0)
+    gate.mark()
+    gate.mark()
+    for t_s in range(2, 20, 2):
+        gate.offer(weights(1.0), HELD_OUT, t_s * S)
+    assert gate.kept == [1, 8, 9, 10]
+    assert gate.find(1).number == 1
+
+
+def test_marking_before_the_first_version_is_nothing():
+    gate = publisher()
+    gate.mark()
+    assert gate.kept == []
+
+
+def test_a_version_goes_out_calibrated():
+    found = {"outputs.weight": np.ones((2, 3), np.float32), "outputs.bias": np.ones(2, np.float32)}
+    raw, calibrated = publisher(), publisher()
+    assert raw.publish(found, 0).outgoing is found
+    version = calibrated.publish(found, 0, calibration=Calibration(np.array([0.5]), np.array([1.0])))
+    assert version.weights is found
+    np.testing.assert_allclose(version.outgoing["outputs.weight"], 0.5)
+    np.testing.assert_allclose(version.outgoing["outputs.bias"], 1.5)
