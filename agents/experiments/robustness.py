@@ -13,7 +13,7 @@ from agents.experiments.disturbances import DISTURBANCES, Disturbance, Kind
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, plain, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, plain, robot_of, scenario, with_seed
 from agents.experiments.statistics import median, ratio
 from agents.experiments.trial import Result, Trial
 
@@ -68,10 +68,10 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     The seed changes fastest, so that processes do not wait for each other's first life.
     """
     usual = configuration_of("thymio")
-    robot = plain(usual)
+    robot = robot_of(usual)
     for name in (_USUAL, *size.disturbances):
         disturbance = DISTURBANCES.get(name, Disturbance("world"))
-        other = plain(changed(usual, disturbance.robot))
+        other = robot_of(changed(usual, disturbance.robot))
         for floor in size.scenarios:
             arena = disturbance.arena(scenario(floor))
             held_out = [Drive(other, arena, HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)]
@@ -141,7 +141,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     outcomes = {name: Outcome.of(values(runs[name], "here"), usual) for name in size.disturbances}
     end = time(size.marks_s[-1])
     story = (
-        f"A learner lives {size.before_minutes:g} minutes in each of {', '.join(size.before)}, undisturbed, seeking. Then "
+        f"A learner lives {size.before_minutes:g} minutes in each of {', '.join(size.before)}, seeking. Then "
         f"something changes, in scenarios it never saw ({', '.join(size.scenarios)}; {len(size.seeds)} seeds each), "
         f"and it goes on learning for {end}. Mean AUC at 0 to 25 cm on two held-out layouts with the same disturbance, "
         f"{size.held_out_minutes:g} minutes each. The fall is the difference at once from the same learner undisturbed "
