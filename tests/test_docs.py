@@ -96,7 +96,7 @@ def test_lines_are_at_most_120_long(page):
 
 @pytest.mark.parametrize("line", command_lines("llrp"))
 def test_every_llrp_command_parses(line, capsys):
-    words = shlex.split(line, comments=True)[1:]
+    words = shlex.split(re.split(r"\s[>|]", line)[0], comments=True)[1:]
     command = next((word for word in words if word in cli.COMMANDS), None)
     try:
         parsed = cli._parser(command).parse_args(words)
