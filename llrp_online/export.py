@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from onnx import numpy_helper
 
 from llrp_online.architecture import DEVIATION_FLOOR, Weights, architecture
+from llrp_online.calibration import Calibration
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.digest import weights_sha256
 from llrp_online.graph import PICTURE, PROBABILITIES, build_graph
@@ -30,6 +31,28 @@ _NORMALISATION = (
     "pixels and channels of the one picture"
 )
 Pictures = Iterable[NDArray[np.uint8]]
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """What is exported.
+
+    Attributes:
+        configuration: the robot's.
+        weights: as trained.
+        version: of the weights.
+        calibration: of their probabilities; None: they stay as they are.
+    """
+
+    configuration: RobotConfiguration
+    weights: Weights
+    version: int
+    calibration: Calibration | None = None
+
+    @property
+    def outputs(self) -> tuple[int, int]:
+        """(targets, sensors)."""
+        return len(self.configuration.targets.build()), len(self.configuration.sensors)
 
 
 @dataclass(frozen=True)
@@ -45,32 +68,33 @@ class Check:
     largest_difference: float
 
 
-def exported(configuration: RobotConfiguration, weights: Weights, weights_version: int) -> onnx.ModelProto:
-    """The network with its weights; ValueError if they are not this configuration's.
+def exported(trained: Trained) -> onnx.ModelProto:
+    """The network with its weights, calibrated; ValueError if they are not this configuration's.
 
     Input: `picture` (1, H, W, C) uint8. Output: `probabilities` (T, S) float32.
 
     >>> from llrp_online.configuration import load
     >>> configuration = load("configs/thymio.toml")
     >>> network = build("online", configuration.picture_shape, (31, 5))
-    >>> model = exported(configuration, network.weights(), weights_version=7)
+    >>> model = exported(Trained(configuration, network.weights(), version=7))
     >>> [value.name for value in model.graph.input], metadata(model)["weights_version"]
     (['picture'], '7')
     """
-    outputs = (len(configuration.targets.build()), len(configuration.sensors))
+    configuration, weights = trained.configuration, trained.weights
     preset, shape = configuration.network.preset, configuration.picture_shape
-    expected = architecture(preset, shape[2]).parameters(shape, outputs)
+    expected = architecture(preset, shape[2]).parameters(shape, trained.outputs)
     if (found := {name: array.shape for name, array in weights.items()}) != expected:
         raise ValueError(f"these weights are another network's: expected {expected}, got {found}")
-    model = build_graph(preset, shape, outputs)
+    model = build_graph(preset, shape, trained.outputs)
+    inside = weights if trained.calibration is None else trained.calibration.fold(weights)
     del model.graph.input[1:]
     model.graph.initializer.extend(
-        numpy_helper.from_array(np.ascontiguousarray(array, np.float32), name) for name, array in weights.items()
+        numpy_helper.from_array(np.ascontiguousarray(array, np.float32), name) for name, array in inside.items()
     )
     model.graph.input[0].doc_string = "batch of one, rows, columns, RGB of each camera in turn; levels 0 to 255"
     model.graph.output[0].doc_string = "targets, sensors: probability that the sensor's bit is 1 there"
     model.producer_name, model.producer_version = "llrp-online", version("llrp-online")
-    describe(model, _words(configuration, weights, weights_version))
+    describe(model, _words(trained))
     onnx.checker.check_model(model, full_check=True)
     return model
 
@@ -86,23 +110,24 @@ def metadata(model: onnx.ModelProto) -> dict[str, str]:
     return {entry.key: entry.value for entry in model.metadata_props}
 
 
-def compare(model: onnx.ModelProto, configuration: RobotConfiguration, weights: Weights, pictures: Pictures) -> Check:
-    """The exported file on ONNX Runtime beside the network it was trained as, in PyTorch.
+def compare(model: onnx.ModelProto, trained: Trained, pictures: Pictures) -> Check:
+    """The exported file on ONNX Runtime beside the network it was trained as, in PyTorch, calibrated after it.
 
     Args:
         model: as `exported` made it.
-        configuration: the robot's.
-        weights: those of the model.
+        trained: what it is to answer as.
         pictures: (H, W, C) uint8 each.
     """
-    outputs = (len(configuration.targets.build()), len(configuration.sensors))
-    network = build(configuration.network.preset, configuration.picture_shape, outputs).eval()
-    network.set_weights(weights)
+    configuration = trained.configuration
+    network = build(configuration.network.preset, configuration.picture_shape, trained.outputs).eval()
+    network.set_weights(trained.weights)
+    calibration = trained.calibration or Calibration.identity(trained.outputs[0])
+    scale, offset = (torch.from_numpy(values)[:, None] for values in (calibration.scale, calibration.offset))
     session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
     frames, largest = 0, 0.0
     with torch.no_grad():
         for picture in pictures:
-            expected = torch.sigmoid(network(standardise(picture[None])))[0].numpy()
+            expected = torch.sigmoid(scale * network(standardise(picture[None]))[0] + offset).numpy()
             got = cast(NDArray[np.float32], session.run([PROBABILITIES], {PICTURE: picture[None]})[0])
             difference = float(np.abs(got - expected).max())
             # A NaN is the largest difference there is; `max` would pass over it.
@@ -111,7 +136,8 @@ def compare(model: onnx.ModelProto, configuration: RobotConfiguration, weights: 
     return Check(frames, largest)
 
 
-def _words(configuration: RobotConfiguration, weights: Weights, weights_version: int) -> dict[str, str]:
+def _words(trained: Trained) -> dict[str, str]:
+    configuration = trained.configuration
     height, width, _ = configuration.picture_shape
     told = json.dumps(configuration.model_dump(mode="json"), sort_keys=True, allow_nan=False)
     bits = [
@@ -123,8 +149,9 @@ def _words(configuration: RobotConfiguration, weights: Weights, weights_version:
         "llrp_version": version("llrp-online"),
         "robot": configuration.robot.name,
         "configuration_sha256": hashlib.sha256(told.encode()).hexdigest(),
-        "weights_version": str(weights_version),
-        "weights_sha256": weights_sha256(weights),
+        "weights_version": str(trained.version),
+        "weights_sha256": weights_sha256(trained.weights),
+        "calibration": "none" if trained.calibration is None else json.dumps(trained.calibration.as_json()),
         "network": configuration.network.preset,
         "cameras": json.dumps([camera.topic for camera in configuration.camera]),
         "camera_sync_s": f"{configuration.robot.camera_sync_s:g}",

@@ -15,6 +15,7 @@ from agents.commands import options
 from agents.frames import frames_of
 from agents.progress import track
 from llrp_online import checkpoint
+from llrp_online.calibration import Calibration
 from llrp_online.configuration import RobotConfiguration, validate
 from replay import compiling
 
@@ -64,15 +65,17 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = validate(manifest["configuration"], RobotConfiguration, f"{arguments.checkpoint}: manifest.json")
     compiling.use(configuration.compute.compiled)
     # Imported here: PyTorch takes seconds, and a fault above should be said at once.
-    from llrp_online.export import compare, describe, exported, metadata
+    from llrp_online.export import Trained, compare, describe, exported, metadata
 
-    weights = tensors["weights"]
+    told = manifest.get("calibration")  # training offline has none
+    calibration = None if told is None else Calibration.of_json(told)
+    trained = Trained(configuration, tensors["weights"], int(manifest["version"]), calibration)
     try:
-        model = exported(configuration, weights, int(manifest["version"]))
+        model = exported(trained)
     except ValueError as error:
         raise ValueError(f"{arguments.checkpoint}: {error}") from error
     pictures = islice(_pictures(arguments, configuration), arguments.frames)
-    check = compare(model, configuration, weights, track(pictures, "checking", arguments.frames))
+    check = compare(model, trained, track(pictures, "checking", arguments.frames))
     if not check.frames:
         raise ValueError(f"{arguments.checkpoint}: it remembers no frame to check on; give --recordings")
     if not check.largest_difference <= arguments.tolerance:
@@ -80,8 +83,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{arguments.onnx}: not written: it differs from the network by {check.largest_difference:.3g} on "
             f"{check.frames} frames, expected at most {arguments.tolerance:g} (--tolerance)"
         )
-    told = {"checked_frames": str(check.frames), "largest_difference": f"{check.largest_difference:.3g}"}
-    describe(model, told)
+    checked = {"checked_frames": str(check.frames), "largest_difference": f"{check.largest_difference:.3g}"}
+    describe(model, checked)
     _write(arguments.onnx, model)
     if arguments.json:
         found = {"frames": check.frames, "largest_difference": check.largest_difference}

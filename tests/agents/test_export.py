@@ -15,6 +15,7 @@ import pytest
 from agents.cli import main
 from agents.frames import frames_of
 from llrp_online import checkpoint, export
+from llrp_online.calibration import Calibration
 from llrp_online.configuration import RobotConfiguration, load, validate
 from llrp_online.network import build
 from llrp_online.predictor import Predictor
@@ -99,14 +100,28 @@ def test_other_weights_in_the_file_are_found_out(trained, drive):
     weights = weights_of(trained)
     other = build("online", configuration.picture_shape, (31, 5), seed=9).weights()
     pictures = [frame.picture for frame in frames_of(configuration, drive)][:5]
-    found = export.compare(export.exported(configuration, other, 0), configuration, weights, pictures)
+    mine = export.Trained(configuration, weights, 0)
+    found = export.compare(export.exported(export.Trained(configuration, other, 0)), mine, pictures)
     assert (found.frames, found.largest_difference > 0.01) == (5, True)
     broken = {**weights, "outputs.bias": np.full_like(weights["outputs.bias"], np.nan)}
-    found = export.compare(export.exported(configuration, broken, 0), configuration, weights, pictures)
+    found = export.compare(export.exported(export.Trained(configuration, broken, 0)), mine, pictures)
     assert np.isnan(found.largest_difference)
     del other["dense.bias"]
     with pytest.raises(ValueError, match="another network's"):
-        export.exported(configuration, other, 0)
+        export.exported(export.Trained(configuration, other, 0))
+
+
+def test_a_calibration_is_in_the_file(trained, drive):
+    configuration = load(CONFIG)
+    pictures = [frame.picture for frame in frames_of(configuration, drive)][:5]
+    plain = export.Trained(configuration, weights_of(trained), 0)
+    calibration = Calibration(np.linspace(0.5, 2.0, 31), np.linspace(-1.0, 1.0, 31))
+    calibrated = export.Trained(configuration, weights_of(trained), 0, calibration)
+    model = export.exported(calibrated)
+    assert export.compare(model, calibrated, pictures).largest_difference < 1e-5
+    assert export.compare(model, plain, pictures).largest_difference > 0.1
+    assert json.loads(export.metadata(model)["calibration"]) == calibration.as_json()
+    assert export.metadata(export.exported(plain))["calibration"] == "none"
 
 
 def test_a_checkpoint_without_frames_asks_for_recordings(trained, tmp_path, capsys):
@@ -125,7 +140,7 @@ def test_the_metadata_are_those_of_the_robot(name):
     configuration = load(ROOT / "configs" / f"{name}.toml")
     outputs = (len(configuration.targets.build()), len(configuration.sensors))
     network = build(configuration.network.preset, configuration.picture_shape, outputs)
-    model = export.exported(configuration, network.weights(), 3)
+    model = export.exported(export.Trained(configuration, network.weights(), 3))
     facts = export.metadata(model)
     assert json.loads(facts["cameras"]) == [camera.topic for camera in configuration.camera]
     assert json.loads(facts["sensors"]) == configuration.sensors
@@ -140,12 +155,13 @@ def test_the_metadata_are_those_of_the_robot(name):
 def test_the_digest_tells_configurations_apart(eyes):
     facts = export.metadata(onnx.load(eyes))
     configuration = load(CONFIG)
-    again = export.exported(configuration, build("online", configuration.picture_shape, (31, 5)).weights(), 0)
+    weights = build("online", configuration.picture_shape, (31, 5)).weights()
+    again = export.exported(export.Trained(configuration, weights, 0))
     assert export.metadata(again)["configuration_sha256"] == facts["configuration_sha256"]
     raw = configuration.model_dump(mode="json")
     raw["labels"]["window_s"] = 5.0
     other = validate(raw, RobotConfiguration, "test")
-    again = export.exported(other, build("online", other.picture_shape, (31, 5)).weights(), 0)
+    again = export.exported(export.Trained(other, weights, 0))
     assert export.metadata(again)["configuration_sha256"] != facts["configuration_sha256"]
 
 
