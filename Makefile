@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
+DOCS_STAMP := $(VENV)/.docs-installed
 
-.PHONY: demo test test-fast lint bench bench-short docs install clean
+.PHONY: demo test test-fast lint bench bench-short docs docs-site install clean
 
 install: $(STAMP)
 
@@ -48,6 +49,14 @@ bench-short: $(BENCH_STAMP)
 
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py
+
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs,sim,foxglove,dev]'
+	@touch $(DOCS_STAMP)
+
+# A warning is an error. To read it: python3 -m http.server --directory build/site
+docs-site: $(DOCS_STAMP)
+	$(BIN)/zensical build --strict --clean
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache
