@@ -54,9 +54,11 @@ $(DOCS_STAMP): $(STAMP)
 	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs,sim,foxglove,dev]'
 	@touch $(DOCS_STAMP)
 
-# A warning is an error. To read it: python3 -m http.server --directory build/site
+# A warning is an error, and so is what comes from elsewhere. The search works where the pages are served:
+# python3 -m http.server --directory build/site
 docs-site: $(DOCS_STAMP)
 	$(BIN)/zensical build --strict --clean
+	@! grep -rE '<(script|link|img)[^>]*(src|href)="(https?:)?//' build/site --include='*.html'
 
 clean:
 	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache

@@ -18,15 +18,5 @@ class Doctests(griffe.Extension):
 
 
 def fenced(text: str) -> str:
-    """A docstring whose examples stand in fences.
-
-    >>> print(fenced("Adds.\\n\\n>>> 1 + 1\\n2\\n"))
-    Adds.
-    <BLANKLINE>
-    ```pycon
-    >>> 1 + 1
-    2
-    ```
-    <BLANKLINE>
-    """
+    """A docstring whose examples stand in fences: from `>>>` to the next empty line."""
     return _EXAMPLE.sub(lambda example: f"```pycon\n{example[0]}\n```", text)
