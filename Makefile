@@ -61,4 +61,4 @@ docs-site: $(DOCS_STAMP)
 	@! grep -rE '<(script|link|img)[^>]*(src|href)="(https?:)?//' build/site --include='*.html'
 
 clean:
-	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache
+	rm -rf $(VENV) build .cache *.egg-info .pytest_cache .hypothesis .ruff_cache

@@ -2,8 +2,7 @@
 
 The server is foxglove-sdk's, a thread of its own outside the interpreter. Each client has a short queue; when it is
 full the oldest message goes. So neither a slow client nor a dead one is ever waited for, and what it is shown is not
-old.
-Clients may look and nothing else: the server takes no messages, no parameters and no calls from them.
+old. Clients may look and nothing else: the server takes no messages, no parameters and no calls from them.
 """
 
 import importlib

@@ -4,24 +4,19 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from agents.intake import Intake
-from agents.offline import report_drops, shares
-from agents.progress import Share, nobody
+from agents.offline import report_drops
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Picture
 from llrp_online.synchroniser import Frame, Synchroniser
 from replay.recording import read
 
 
-def frames_of(configuration: RobotConfiguration, path: Path, told: Share = nobody) -> Iterator[Frame]:
-    """Every frame in order of its coming; ValueError at the end if there was none.
-
-    `told` hears how much of the recording is over.
-    """
+def frames_of(configuration: RobotConfiguration, path: Path) -> Iterator[Frame]:
+    """Every frame in order of its coming; ValueError at the end if there was none."""
     intake = Intake(configuration)
     synchroniser = Synchroniser(len(configuration.camera), configuration.robot.camera_sync_s)
     count = 0
-    for message, share in shares(read(path)):
-        told(share)
+    for message in read(path):
         for event in intake.events(message.topic, message.type, message.data, message.log_ns):
             if isinstance(event, Picture):
                 for frame in synchroniser.add(event):
