@@ -4,8 +4,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
+DOCS_STAMP := $(VENV)/.docs-installed
 
-.PHONY: demo test test-fast lint bench bench-short docs install clean
+.PHONY: demo test test-fast lint bench bench-short docs docs-site install clean
 
 install: $(STAMP)
 
@@ -13,7 +14,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if (3, 11) <= v < (3, 14) else f"llrp-online needs Python 3.11 to 3.13, this is {v.major}.{v.minor}: run make PYTHON=python3.11")'
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "The venv module is missing: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[sim,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[sim,foxglove,dev]'
 	@touch $(STAMP)
 
 demo: $(STAMP)
@@ -32,7 +33,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 $(BENCH_STAMP): $(STAMP)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench,sim,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench,sim,foxglove,dev]'
 	@touch $(BENCH_STAMP)
 
 # The table is written whatever the ratios are; a ratio that is missed then fails the command.
@@ -49,5 +50,15 @@ bench-short: $(BENCH_STAMP)
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py
 
+$(DOCS_STAMP): $(STAMP)
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs,sim,foxglove,dev]'
+	@touch $(DOCS_STAMP)
+
+# A warning is an error, and so is what comes from elsewhere. The search works where the pages are served:
+# python3 -m http.server --directory build/site
+docs-site: $(DOCS_STAMP)
+	$(BIN)/zensical build --strict --clean
+	@! grep -rE '<(script|link|img)[^>]*(src|href)="(https?:)?//' build/site --include='*.html'
+
 clean:
-	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache
+	rm -rf $(VENV) build .cache *.egg-info .pytest_cache .hypothesis .ruff_cache

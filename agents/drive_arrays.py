@@ -7,17 +7,19 @@ import numpy as np
 
 from agents.intake import Intake
 from agents.offline import messages_of, report_drops
+from agents.progress import Share, nobody
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Picture, Reading
 from llrp_online.synchroniser import Synchroniser
 from replay.resolution import Drive
 
 
-def drive_of(configuration: RobotConfiguration, path: Path) -> Drive:
+def drive_of(configuration: RobotConfiguration, path: Path, told: Share = nobody) -> Drive:
     """All of a recording that labels hang on, each part in order of its sensor's time.
 
     What a live labeller drops because it comes late is kept: here everything is in memory. Of two samples with one time
     the first counts. The covariance is None as soon as one sample lacks it, or the configuration does not trust it.
+    `told` hears how much of the recording is over.
 
     MissingTopicsError if the configuration's topics never came; ValueError if nothing of a kind could be used.
     """
@@ -27,7 +29,8 @@ def drive_of(configuration: RobotConfiguration, path: Path) -> Drive:
     readings: dict[tuple[int, str], Reading] = {}
     frames_ns: set[int] = set()
     drops: Counter[str] = Counter()
-    for message, _ in messages_of(path, intake):
+    for message, share in messages_of(path, intake):
+        told(share)
         for event in intake.events(message.topic, message.type, message.data, message.log_ns):
             if isinstance(event, Picture):
                 frames_ns.update(frame.t_ns for frame in frames.add(event))

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.intake import Intake
+from agents.progress import Share, nobody
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event
 from llrp_online.labeller import Labeller
-from replay.recording import Message, read
+from replay.recording import Message, Reader, read
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
@@ -48,18 +49,25 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
 
     MissingTopicsError at its end if the configuration's topics never came.
     """
-    reader, first_ns = read(path), None
+    yield from shares(read(path))
+    _must_have_come(path, intake)
+
+
+def shares(reader: Reader) -> Iterator[tuple[Message, float]]:
+    """The messages of a recording, each with the share of its time that is over."""
+    first_ns: int | None = None
     for message in reader:
         first_ns = message.log_ns if first_ns is None else first_ns
         span_ns = max((reader.report.last_ns or 0) - first_ns, 1)
         yield message, (message.log_ns - first_ns) / span_ns
-    _must_have_come(path, intake)
 
 
-def _events_of(path: Path, intake: Intake) -> Iterator[list[Event]]:
+def _events_of(path: Path, intake: Intake, told: Share) -> Iterator[list[Event]]:
     """What the messages of a recording mean, many at once; MissingTopicsError as `messages_of`."""
-    reader = read(path)
-    while messages := list(islice(reader, _AT_ONCE)):
+    reader = shares(read(path))
+    while found := list(islice(reader, _AT_ONCE)):
+        told(found[-1][1])
+        messages = [message for message, _ in found]
         events = (intake.events(message.topic, message.type, message.data, message.log_ns) for message in messages)
         yield [event for found in events for event in found]
     _must_have_come(path, intake)
@@ -71,10 +79,13 @@ def _must_have_come(path: Path, intake: Intake) -> None:
         raise MissingTopicsError(f"{path}: {missing}")
 
 
-def labelled_frames(configuration: RobotConfiguration, path: Path) -> Iterator[LabelledFrame]:
-    """The frames of one recording that have a pose, in order of time, each when its window has closed."""
+def labelled_frames(configuration: RobotConfiguration, path: Path, told: Share = nobody) -> Iterator[LabelledFrame]:
+    """The frames of one recording that have a pose, in order of time, each when its window has closed.
+
+    `told` hears how much of the recording is over.
+    """
     pictures: dict[int, NDArray[np.uint8]] = {}
-    for updates in labels_of(configuration, path, pictures.__setitem__):
+    for updates in labels_of(configuration, path, pictures.__setitem__, told):
         for update in updates:
             picture = pictures.pop(update.frame_id)
             if update.posed:
@@ -85,13 +96,15 @@ def labels_of(
     configuration: RobotConfiguration,
     path: Path,
     on_frame: Callable[[int, NDArray[np.uint8]], None] = lambda _id, _picture: None,
+    told: Share = nobody,
 ) -> Iterator[Updates]:
     """The labels of one recording's frames, in order of time, many at once, each when its window has closed.
 
     `on_frame` is called with the id and the picture of each frame that comes in; nobody else keeps it.
+    `told` hears how much of the recording is over.
     """
     intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
-    for events in _events_of(path, intake):
+    for events in _events_of(path, intake, told):
         for event in events:
             outcome = labeller.take(event)
             for frame in outcome.frames:

@@ -83,6 +83,7 @@ class Recorder:
         self._writer = Writer(path, messages.definition)
         self._clock = SensorClock()
         self._before_clock: list[Received] = []
+        self._oldest_ns = self._newest_ns = 0
         self._free_bytes = queue_bytes
         self._lock = threading.Lock()  # of `_free_bytes` and `drops`
         self._queue: SimpleQueue[Received | None] = SimpleQueue()
@@ -95,6 +96,11 @@ class Recorder:
     def messages(self) -> int:
         """Written so far."""
         return self._writer.messages
+
+    @property
+    def recorded_s(self) -> float:
+        """How much of the sensors' time is in the recording."""
+        return (self._newest_ns - self._oldest_ns) / 1e9
 
     @property
     def missed(self) -> int:
@@ -164,6 +170,9 @@ class Recorder:
         if self.error is None:
             try:
                 self._writer.write(Message(f"/{self._robot}/{name}", message.type, log_ns, message.data))
+                # The oldest first: to whoever asks in between, the newest alone would look like a long drive.
+                self._oldest_ns = self._oldest_ns or log_ns
+                self._newest_ns = log_ns
                 return
             except RecordingError as error:
                 self._fail(error)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from agents.intake import Intake
 from agents.offline import messages_of, report_drops
-from agents.progress import bar
+from agents.progress import track_recordings
 from llrp_online.learner import Learner
 from llrp_online.status import HAIR_S
 
@@ -41,17 +41,15 @@ def learn_over(learner: Learner, recordings: Sequence[Path], watch: Callable[[],
         watch: called after each message.
     """
     drops: Counter[str] = Counter()
-    with bar() as progress:
-        task = progress.add_task("learning", total=len(recordings))
-        for done, path in enumerate(recordings):
-            intake = Intake(learner.configuration)
-            for message, share in messages_of(path, intake):
-                for event in intake.events(message.topic, message.type, message.data, message.log_ns):
-                    learner.take(event)
-                    while learner.due():
-                        learner.step()
-                watch()
-                progress.update(task, completed=done + share)
-            learner.end_recording()
-            drops.update(intake.drops)
+    for path, told in track_recordings(recordings, "learning"):
+        intake = Intake(learner.configuration)
+        for message, share in messages_of(path, intake):
+            for event in intake.events(message.topic, message.type, message.data, message.log_ns):
+                learner.take(event)
+                while learner.due():
+                    learner.step()
+            watch()
+            told(share)
+        learner.end_recording()
+        drops.update(intake.drops)
     report_drops("all recordings", drops + learner.labeller.drops)

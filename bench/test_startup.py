@@ -32,6 +32,8 @@ WAIT_S = 60.0
 PRINTING_LATE = {
     "train": "it has labelled half a minute of driving, loaded the kernels and taken a step before it says something",
     "learn": "its one line is the outcome: it has lived through half a minute of driving, with 150 steps of training",
+    "export": "it loads PyTorch, whose network it holds the file against on all remembered frames before it says so",
+    "completion": "it loads every command's words, and with them PyTorch",
     "experiment": "it loads PyTorch, which its trials need, and draws all figures anew before it prints a claim",
 }
 AGENTS_LATE = {"learn": "PyTorch, then ONNX Runtime, the bus, and its first status once the first second is over"}
@@ -70,10 +72,12 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "learn": lambda i: ("--recordings", i.recording, "--output", i.fresh()),
     "demo": lambda i: ("--minutes", 1, "--output", i.fresh()),
     "window": lambda i: (i.recording, "--output", i.fresh()),
+    "export": lambda i: (i.checkpoint, "--onnx", i.fresh()),
+    "completion": lambda _: ("bash",),
     "experiment": lambda i: ("scratch", "--quick", "--output", i.studied()),
 }
-#: Commands that take their robots from `configs/` themselves.
-UNCONFIGURED = ("experiment",)
+#: Commands that take their robots from `configs/` or from a checkpoint, or need none.
+UNCONFIGURED = ("experiment", "export", "completion")
 #: Command -> its words, and the topic of the message that is waited for; "": any; None: its name on the bus.
 AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "robot": (lambda _: (), ""),
@@ -82,6 +86,7 @@ AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "perceive": (lambda _: (), "perceiver/status"),
     "learn": (lambda i: ("--output", i.fresh()), "learner/status"),
     "record": (lambda i: ("--output", i.fresh()), None),
+    "foxglove": (lambda _: ("--port", "0"), None),
 }
 
 

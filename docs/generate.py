@@ -159,14 +159,15 @@ def _models(annotation: Any) -> Iterator[type[BaseModel]]:
 
 def commands() -> str:
     """The page of all commands."""
-    parts = [_COMMANDS_INTRODUCTION]
+    codes = "".join(f"| {code} | {meaning} |\n" for code, meaning in cli.EXIT_CODES.items())
+    parts = [_COMMANDS_INTRODUCTION.replace("EXIT_CODES\n", f"{codes}\n")]
     parts[0] += "".join(f"\n| [`llrp {name}`](#llrp-{name}) | {story} |" for name, story in cli.COMMANDS.items())
     for name, story in cli.COMMANDS.items():
         parser = command_parser(name)
         parts.append(f"\n## llrp {name}\n\n{story[:1].upper()}{story[1:]}.\n")
         parts.append("".join(_argument(action) for action in parser._actions if action.dest != "help"))
         if parser.epilog:
-            parts.append(_epilog(parser.epilog))
+            parts.append(_epilog(parser.epilog.removesuffix(f"\n\n{cli.EXIT_CODES_TEXT}")))
     return "\n".join(parts) + "\n"
 
 
@@ -198,11 +199,15 @@ def _argument(action: argparse.Action) -> str:
 
 
 def _epilog(text: str) -> str:
-    """Prose as it is, command lines in a block; what is said behind a command becomes its comment."""
+    """Prose as it is, names with their stories in a list, command lines in a block, what is said behind as comments."""
     lines: list[str] = []
     fenced = False
     for line in text.splitlines():
         if line.strip() in ("example:", "examples:"):
+            continue
+        if line.startswith("  ") and not line.startswith("  llrp "):
+            name, story = line.split(maxsplit=1)
+            lines.append(f"- `{name}`: {story}")
             continue
         if line.startswith("  ") != fenced:
             fenced = not fenced
@@ -236,8 +241,18 @@ _COMMANDS_INTRODUCTION = """\
 <!-- Written by docs/generate.py; change the commands in agents/commands/ instead. -->
 # Commands
 
-One program, `llrp`. Exit codes: 0 done, 1 could not (the reason is on standard error), 2 wrong usage, 130 interrupted.
-Paths of configurations and scenarios are looked for from where you stand: run it in the project's folder.
+One program, `llrp`. Paths of configurations and scenarios are looked for from where you stand: run it in the project's
+folder. Progress bars and whatever else is not the answer go to standard error, bars only to a terminal.
+
+## Exit codes
+
+| exit code | meaning |
+|---|---|
+EXIT_CODES
+So a script can go by them: `llrp check` says no when there is an error among its findings, `llrp export` when the file
+differs from the network, `llrp play` when the recording lacked a topic. What a command says no to is in its part below.
+
+## All of them
 
 | command | what it does |
 |---|---|"""

@@ -1,6 +1,6 @@
 """How well weights predict labelled frames: the predictor over pictures, the score over what is known."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,8 @@ from llrp_online.architecture import Weights
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Score
 from llrp_online.predictor import Predictor
+
+Watched = Callable[[Sequence[NDArray[np.uint8]]], Iterable[NDArray[np.uint8]]]
 
 
 class Exam:
@@ -32,14 +34,16 @@ class Exam:
         outputs = (len(self._targets), len(self._sensors))
         self._predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
 
-    def predict(self, weights: Weights) -> NDArray[np.float32]:
-        """(N, T, S) probabilities."""
+    def predict(self, weights: Weights, watched: Watched = iter) -> NDArray[np.float32]:
+        """(N, T, S) probabilities; the pictures are taken by way of `watched`, which may show how far it is."""
         self._predictor.load(weights, version=0)
-        return np.stack([self._predictor.predict(picture).probabilities for picture in self.pictures])
+        return np.stack([self._predictor.predict(picture).probabilities for picture in watched(self.pictures)])
 
-    def score(self, weights: Weights, *, rounds: int = 0, seed: int = 0) -> Score:
+    def score(self, weights: Weights, *, rounds: int = 0, seed: int = 0, watched: Watched = iter) -> Score:
         """The score of these weights; with `rounds` of bootstrap, or without intervals."""
-        return Score.of(self.predict(weights), self.labels, self._targets, self._sensors, rounds=rounds, seed=seed)
+        return Score.of(
+            self.predict(weights, watched), self.labels, self._targets, self._sensors, rounds=rounds, seed=seed
+        )
 
 
 def mean_auc(

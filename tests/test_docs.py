@@ -1,6 +1,7 @@
 """The documentation: generated pages are up to date, links lead somewhere, and every command shown is one."""
 
 import argparse
+import ast
 import importlib.util
 import re
 import shlex
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from agents import cli
+from agents.checks import checker
 from llrp_online.configuration import RobotConfiguration, validate
 
 ROOT = Path(__file__).parents[1]
@@ -94,9 +96,52 @@ def test_lines_are_at_most_120_long(page):
     assert not long
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_named_in_prose_are_commands_with_these_options(page, generate):
+    unknown = []
+    for words in re.findall(r"(?<!`)`llrp ([^`]*)`(?!`)", FENCE.sub("", page.read_text(encoding="utf-8"))):
+        command, *rest = words.split()
+        if command not in cli.COMMANDS:
+            unknown += [] if command.startswith("-") else [f"llrp {words}"]
+            continue
+        options = {o for a in generate.command_parser(command)._actions for o in a.option_strings}
+        unknown += [f"llrp {words}" for word in rest if word.startswith("--") and word not in options]
+    assert not unknown
+
+
+def test_every_page_is_in_the_navigation_of_the_site():
+    def pages(entries):
+        for entry in entries:
+            [value] = entry.values()
+            yield from [value] if isinstance(value, str) else pages(value)
+
+    site = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))["project"]
+    there = {str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")}
+    assert set(pages(site["nav"])) == there, "put the page into nav of zensical.toml"
+
+
+def test_troubleshooting_has_every_likely_cause_that_check_names():
+    """The causes are the texts that are handed to a finding behind what was seen."""
+    page = " ".join((ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8").split())
+    causes = {cause for cause, _ in checker._DROPS.values()}
+    for file in (ROOT / "agents" / "checks").glob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call):
+                place = {"Finding": 3, "self._finding": 2}.get(ast.unparse(node.func))
+                given = [] if place is None else node.args[place : place + 1]
+            elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "cause":
+                given = [node.value]
+            else:
+                continue
+            causes |= {c.value for g in given for c in ast.walk(g) if isinstance(c, ast.Constant)}
+    causes = {cause for cause in causes if isinstance(cause, str) and " " in cause}
+    assert len(causes) > 30
+    assert sorted(cause for cause in causes if cause not in page) == []
+
+
 @pytest.mark.parametrize("line", command_lines("llrp"))
 def test_every_llrp_command_parses(line, capsys):
-    words = shlex.split(line, comments=True)[1:]
+    words = shlex.split(re.split(r"\s[>|]", line)[0], comments=True)[1:]
     command = next((word for word in words if word in cli.COMMANDS), None)
     try:
         parsed = cli._parser(command).parse_args(words)

@@ -2,12 +2,16 @@
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 from agents.agent import joined
 from agents.checks import Checker, Finding
 from agents.commands import options
+from agents.offline import shares
+from agents.progress import track, track_recordings
 from agents.transport import subscribe_all
+from agents.usage import UsageError
 from replay.recording import Message, read
 
 _LIVE_S = 10.0
@@ -17,11 +21,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     parser.add_argument("recordings", type=Path, nargs="*", metavar="RECORDING", help="MCAP files; none: --live")
     parser.add_argument("--live", action="store_true", help="listen to the robot instead")
-    parser.add_argument("--seconds", type=float, default=_LIVE_S, help=f"how long to listen (default {_LIVE_S:g})")
+    parser.add_argument(
+        "--seconds", type=options.positive, default=_LIVE_S, help=f"how long to listen (default {_LIVE_S:g})"
+    )
     options.add_agent(parser)
     options.add_json(parser)
     parser.epilog = (
-        "exit code 1 if there is an error among the findings\n\n"
+        "Exit code 1 if there is an error among the findings.\n\n"
         "examples:\n  llrp check WALK.mcap --config configs/nao.toml\n  llrp check --live --config configs/thymio.toml"
     )
 
@@ -29,13 +35,14 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Check and print."""
     if bool(arguments.recordings) == arguments.live:
-        raise ValueError("expected either recordings or --live")
+        raise UsageError("expected either recordings or --live")
     configuration = options.load_configuration(arguments)
     found: dict[str, list[Finding]] = {}
-    for path in arguments.recordings:
+    for path, told in track_recordings(arguments.recordings, "checking"):
         checker = Checker(configuration)
-        for message in read(path):
+        for message, share in shares(read(path)):
             checker.add(message)
+            told(share)
         found[str(path)] = checker.findings()
     if arguments.live:
         checker = Checker(configuration)
@@ -47,7 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
                 lambda m: checker.add(Message(m.key, m.type, 0 if m.sent is None else m.sent.wall_ns, m.data)),
             ),
         ):
-            agent.stop.wait(arguments.seconds)
+            tenths = range(math.ceil(10 * arguments.seconds))
+            for _ in track(tenths, "listening", len(tenths)):
+                if agent.stop.wait(0.1):
+                    break
         found[configuration.robot.name] = checker.findings()
     if arguments.json:
         print(json.dumps({source: [finding._asdict() for finding in findings] for source, findings in found.items()}))

@@ -14,7 +14,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
     parser.add_argument("--behaviour", choices=tuple(BEHAVIOURS), default="seek", help="(default: seek)")
-    parser.add_argument("--seed", type=int, default=0, help="of its random choices (default 0)")
+    parser.add_argument("--seed", type=options.whole(0), default=0, help="of its random choices (default 0)")
     options.add_minutes(parser, math.inf, "of the robot's time")
     parser.epilog = (
         "behaviours:\n"

@@ -19,14 +19,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_world(parser)
     options.add_minutes(parser, 10.0, "of exploring, the robot's time")
     parser.add_argument(
-        "--drive-minutes", type=float, default=2.0, help="of driving on predictions alone afterwards (default 2)"
+        "--drive-minutes",
+        type=options.positive,
+        default=2.0,
+        help="of driving on predictions alone afterwards (default 2)",
     )
     parser.add_argument(
         "--speed", type=options.speed, default=4.0, help="of the robot's time; `max`: as fast as it goes (default 4)"
     )
     parser.add_argument("--output", type=Path, metavar="RUN", help="folder (default: runs/demo-SCENARIO-SEED)")
     parser.add_argument(
-        "--held-out-minutes", type=float, default=5.0, help="length of the held-out drive it is judged on (default 5)"
+        "--held-out-minutes",
+        type=options.positive,
+        default=5.0,
+        help="length of the held-out drive it is judged on (default 5)",
     )
     options.add_json(parser)
     parser.epilog = (

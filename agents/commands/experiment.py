@@ -24,11 +24,13 @@ STUDIES = {
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
-    parser.add_argument("study", choices=STUDIES, help="; ".join(f"{name}: {story}" for name, story in STUDIES.items()))
+    parser.add_argument(
+        "study", choices=tuple(STUDIES), help="; ".join(f"{name}: {story}" for name, story in STUDIES.items())
+    )
     parser.add_argument("--output", type=Path, help="folder (default: runs/experiments/STUDY, with -quick if so)")
     parser.add_argument("--quick", action="store_true", help="a small form that shows that it runs; minutes, not hours")
     parser.add_argument(
-        "--processes", type=int, default=os.cpu_count() or 1, help="trials at once (default: one a core)"
+        "--processes", type=options.whole(1), default=os.cpu_count() or 1, help="trials at once (default: one a core)"
     )
     parser.add_argument("--ray", metavar="ADDRESS", help="run the trials on this Ray cluster (extra `cluster`)")
     parser.add_argument("--results", type=Path, metavar="RESULTS.md", help="write the study's part of this page anew")

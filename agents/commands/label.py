@@ -11,6 +11,7 @@ import numpy as np
 
 from agents.commands import options
 from agents.offline import labels_of
+from agents.progress import share_of
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
@@ -30,7 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = options.load_configuration(arguments)
     options.make_room(arguments.output)
     shape = (len(configuration.targets.build()), len(configuration.sensors))
-    arrays = as_arrays(labels_of(configuration, arguments.recording), shape)
+    with share_of("labelling") as told:
+        arrays = as_arrays(labels_of(configuration, arguments.recording, told=told), shape)
     write_npz(arguments.output, arrays)
     labels = arrays["labels"]
     known, positive = int((labels >= 0).sum()), int((labels == 1).sum())

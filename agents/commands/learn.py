@@ -3,6 +3,7 @@
 import argparse
 import json
 import logging
+from collections.abc import Iterator
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,12 @@ from agents.commands import options
 from agents.commands.evaluate import exam_of
 from agents.curve import Point, learning_curve
 from agents.live_learner import learn_live
+from agents.progress import track
 from agents.replayed import Marks, learn_over
 from agents.run_folder import RunFolder
 from agents.tables import print_bands, print_score
+from agents.usage import UsageError
+from llrp_online.architecture import Weights
 from llrp_online.digest import weights_sha256
 from llrp_online.learner import Learner
 from replay import compiling
@@ -31,10 +35,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--without-memory", action="store_true", help="of the checkpoint take the weights alone")
     parser.add_argument("--resume", type=Path, metavar="CKPT", help="go on exactly where this checkpoint was saved")
     parser.add_argument(
-        "--at-minutes", type=int, nargs="+", default=[1, 2, 5, 10], metavar="N", help="robot minutes to keep weights of"
+        "--at-minutes",
+        type=options.whole(1),
+        nargs="+",
+        default=[1, 2, 5, 10],
+        metavar="N",
+        help="robot minutes to keep weights of",
     )
     parser.add_argument("--held-out", type=Path, nargs="+", metavar="MCAP", help="try the weights kept on these, then")
-    parser.add_argument("--seed", type=int, help="instead of training.seed")
+    parser.add_argument("--seed", type=options.whole(0), help="instead of training.seed")
     parser.epilog = (
         "examples:\n"
         "  llrp learn --recordings A.mcap B.mcap --config configs/drone.toml --output runs/drone\n"
@@ -44,8 +53,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Learn, then say how it went."""
-    if arguments.recordings is None and arguments.held_out:
-        raise ValueError("--held-out goes with --recordings; live, use `llrp evaluate RUN/minutes/...` afterwards")
+    _must_go_together(arguments)
     options.make_folder(arguments.output)
     if arguments.recordings is None:
         compiling.never_wait()
@@ -67,9 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     learner.publish_now()
     learner.save(folder.checkpoint)
     curve = (
-        learning_curve(exam_of(learner.configuration, arguments.held_out), folder.minutes())
-        if arguments.held_out
-        else []
+        learning_curve(exam_of(learner.configuration, arguments.held_out), _tried(folder)) if arguments.held_out else []
     )
     summary = summarise(learner, curve)
     (folder.path / "learned.json").write_text(json.dumps(summary, indent=1))
@@ -78,6 +84,20 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         _print(learner, curve, folder)
     return 0
+
+
+def _tried(folder: RunFolder) -> Iterator[tuple[int, Weights]]:
+    kept = list(folder.minutes())
+    return track(kept, "trying the weights kept", len(kept))
+
+
+def _must_go_together(arguments: argparse.Namespace) -> None:
+    if arguments.recordings is None and arguments.held_out:
+        raise UsageError("--held-out goes with --recordings; live, use `llrp evaluate RUN/minutes/...` afterwards")
+    if arguments.resume and arguments.warm_start:
+        raise UsageError("--resume goes on exactly, --warm-start begins anew with what was learned: give one of them")
+    if arguments.without_memory and not arguments.warm_start:
+        raise UsageError("--without-memory goes with --warm-start CKPT")
 
 
 def summarise(learner: Learner, curve: list[Point]) -> dict[str, Any]:

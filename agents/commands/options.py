@@ -3,11 +3,14 @@
 import argparse
 import math
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 from llrp_online.configuration import RobotConfiguration, load
 from replay import compiling
 
+N = TypeVar("N", int, float)
 _SCENARIOS = Path("configs/scenarios")
 
 
@@ -47,6 +50,11 @@ def add_recordings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="MCAP files, one trajectory each")
 
 
+def add_checkpoint(parser: argparse.ArgumentParser) -> None:
+    """CKPT."""
+    parser.add_argument("checkpoint", type=Path, metavar="CKPT", help="directory with weights.safetensors")
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """--json."""
     parser.add_argument("--json", action="store_true", help="print one JSON object on standard output, nothing else")
@@ -77,7 +85,7 @@ def make_room(file: Path) -> None:
 def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> None:
     """--minutes."""
     shown = "no end" if math.isinf(default) else f"{default:g}"
-    parser.add_argument("--minutes", type=float, default=default, help=f"{what} (default: {shown})")
+    parser.add_argument("--minutes", type=positive, default=default, help=f"{what} (default: {shown})")
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:
@@ -88,12 +96,49 @@ def add_world(parser: argparse.ArgumentParser) -> None:
         default=scenario_path("tiles"),
         help="a name from configs/scenarios, or a TOML file (default: tiles)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="of the layout and of all noise (default 0)")
+    parser.add_argument("--seed", type=whole(0), default=0, help="of the layout and of all noise (default 0)")
+
+
+def positive(text: str) -> float:
+    """A number above 0.
+
+    >>> positive("0.5")
+    0.5
+    """
+    value = _number(text, float)
+    if not value > 0:
+        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
+    return value
+
+
+def whole(least: int, most: int | None = None) -> Callable[[str], int]:
+    """What takes whole numbers from `least` on.
+
+    >>> whole(0)("12")
+    12
+    """
+
+    def parse(text: str) -> int:
+        value = _number(text, int)
+        if value < least or (most is not None and value > most):
+            limits = f"of at least {least}" if most is None else f"from {least} to {most}"
+            raise argparse.ArgumentTypeError(f"expected a whole number {limits}, got {text!r}")
+        return value
+
+    return parse
 
 
 def speed(text: str) -> float:
     """A factor, or `max` for as fast as it goes."""
-    return math.inf if text == "max" else float(text)
+    return math.inf if text == "max" else positive(text)
+
+
+def _number(text: str, kind: Callable[[str], N]) -> N:
+    try:
+        return kind(text)
+    except ValueError as error:
+        what = "a whole number" if kind is int else "a number"
+        raise argparse.ArgumentTypeError(f"expected {what}, got {text!r}") from error
 
 
 def scenario_path(text: str) -> Path:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from agents.agent import joined
 from agents.commands import options
+from agents.progress import share_of
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +23,7 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = options.load_configuration(arguments)
     with joined(configuration, "robot") as agent:
         playback = Playback(agent.session, configuration, arguments.recording, arguments.speed)
-        missing = playback.run(agent.stop)
+        with share_of("playing") as told:
+            missing = playback.run(agent.stop, told)
     print(f"{playback.played} messages played")
     return 0 if missing is None else 1

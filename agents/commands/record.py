@@ -6,14 +6,18 @@ import math
 from agents.agent import joined
 from agents.behaviours import BEHAVIOURS
 from agents.commands import options
+from agents.progress import counter
+from agents.usage import UsageError
 from llrp_online.configuration import RobotConfiguration
+
+_LOOK_EVERY_S = 0.1
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
     options.add_output(parser, "MCAP file")
-    options.add_minutes(parser, math.inf, "of the robot's time, wanted with --simulate")
+    options.add_minutes(parser, math.inf, "of the robot's time; wanted with --simulate")
     parser.add_argument(
         "--simulate", action="store_true", help="drive the simulated robot in this process: the same bytes every time"
     )
@@ -22,7 +26,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_world(parser)
     parser.epilog = (
         "examples:\n"
-        "  llrp record --output today.mcap                                           (until Ctrl-C)\n"
+        "  llrp record --output today.mcap    (until Ctrl-C)\n"
+        "  llrp record --output walk.mcap --minutes 10\n"
         "  llrp record --simulate --scenario wood --minutes 10 --seed 3 --output wood.mcap"
     )
 
@@ -33,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     options.make_folder(arguments.output.parent)
     if arguments.simulate:
         if math.isinf(arguments.minutes):
-            raise ValueError("--simulate needs an end: give --minutes")
+            raise UsageError("--simulate needs an end: give --minutes")
         from agents.robots.simulated import load_scenario
         from agents.simulated_drive import record_drive
 
@@ -48,8 +53,13 @@ def _record_live(configuration: RobotConfiguration, arguments: argparse.Namespac
     from agents.recorder import Recorder
 
     with joined(configuration, "recorder", alone=False) as agent:
-        with Recorder(agent.session, agent.robot, arguments.output) as recorder:
-            while not agent.stop.wait(0.1) and recorder.error is None:
-                pass
+        with (
+            Recorder(agent.session, agent.robot, arguments.output) as recorder,
+            counter("recording, messages") as count,
+        ):
+            while not agent.stop.wait(_LOOK_EVERY_S) and recorder.error is None:
+                count(recorder.messages)
+                if recorder.recorded_s >= 60 * arguments.minutes:
+                    break
         print(f"{recorder.messages} messages to {arguments.output}")
     return 0 if recorder.error is None else 1

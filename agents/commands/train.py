@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.commands import options
 from agents.offline import labelled_frames
-from agents.progress import track, track_files
+from agents.progress import track, track_recordings
 from llrp_online import checkpoint
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.digest import weights_sha256
@@ -28,7 +28,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     options.add_config(parser)
     options.add_output(parser, "checkpoint directory; `llrp learn --warm-start` takes it, memory included")
     options.add_json(parser)
-    parser.add_argument("--steps", type=int, default=STEPS, help=f"training steps (default {STEPS}, the paper's)")
+    parser.add_argument(
+        "--steps", type=options.whole(0), default=STEPS, help=f"training steps (default {STEPS}, the paper's)"
+    )
     parser.epilog = "example:\n  llrp train A.mcap B.mcap --config configs/drone.toml --output runs/offline"
 
 
@@ -82,8 +84,8 @@ def remember(configuration: RobotConfiguration, recordings: list[Path]) -> Repla
     )
     buffer = ReplayBuffer(configuration.picture_shape, (len(targets), len(configuration.sensors)), settings)
     frame_id = 0
-    for path in track_files(recordings, "labelling"):
-        for frame in labelled_frames(configuration, path):
+    for path, told in track_recordings(recordings, "labelling"):
+        for frame in labelled_frames(configuration, path, told):
             if (frame.labels >= 0).any():
                 buffer.add(frame_id, frame.picture, frame.labels, frame.weight)
                 frame_id += 1

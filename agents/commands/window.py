@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agents.commands import options
 from agents.drive_arrays import drive_of
-from agents.progress import track_files
+from agents.progress import track_recordings
 from agents.window_answer import Answer, compare, learner_of
 from llrp_online import figures, page
 from llrp_online.configuration import RobotConfiguration
@@ -44,7 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = options.load_configuration(arguments)
     options.make_room(arguments.output)
     answer = compare(
-        configuration, [drive_of(configuration, path) for path in track_files(arguments.recordings, "reading")]
+        configuration,
+        [drive_of(configuration, path, told) for path, told in track_recordings(arguments.recordings, "reading")],
     )
     if arguments.learn:
         answer = answer.scored(

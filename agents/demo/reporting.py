@@ -10,6 +10,7 @@ from agents.curve import Point, learning_curve
 from agents.demo.show import Outcome, Plan
 from agents.intake import Intake
 from agents.offline import LabelledFrame, labelled_frames
+from agents.progress import share_of, track
 from agents.robots.simulated import load_scenario
 from agents.run_folder import RunFolder
 from agents.simulated_drive import record_drive
@@ -31,10 +32,11 @@ def report(
     """Evaluate on a held-out layout and write report.html and report.json; the learning curve and the page's path."""
     held_out = plan.output / "held_out.mcap"
     record_drive(configuration, load_scenario(plan.scenario), plan.seed + HELD_OUT_SEED, held_out_minutes, held_out)
-    frames = list(labelled_frames(configuration, held_out))
+    with share_of("labelling") as told:
+        frames = list(labelled_frames(configuration, held_out, told))
     exam = Exam(configuration, [(frame.picture, frame.labels) for frame in frames])
     minutes = list(RunFolder(plan.output, []).minutes())
-    curve = learning_curve(exam, minutes)
+    curve = learning_curve(exam, track(minutes, "trying the weights kept", len(minutes)))
     path_s, path, fired = _drive(configuration, plan.recording)
     page = Report(
         title=f"{configuration.robot.name}: {plan.scenario.stem}, seed {plan.seed}",

@@ -14,6 +14,8 @@ from pathlib import Path
 import zenoh
 
 from agents.intake import Missing, relative_topic
+from agents.offline import shares
+from agents.progress import Share, nobody
 from agents.transport import Frames, Publisher, Stream, key
 from llrp_online.configuration import RobotConfiguration
 from replay.recording import Message, read
@@ -67,10 +69,13 @@ class Playback:
             self._publishers[name] = kind(session, key(self._robot, name), "")
         self._came: dict[str, str] = {}
 
-    def run(self, stop: threading.Event) -> Missing | None:
-        """Plays until the end, and says what it lacked of the configuration's topics, or until `stop` is set."""
+    def run(self, stop: threading.Event, told: Share = nobody) -> Missing | None:
+        """Plays until the end, and says what it lacked of the configuration's topics, or until `stop` is set.
+
+        `told` hears how much of the recording is over.
+        """
         begin_s = time.monotonic()
-        for due_s, message in schedule(self._messages, self._speed):
+        for due_s, message in schedule(self._watched(told), self._speed):
             wait_s = due_s - (time.monotonic() - begin_s)
             self.late_s = max(0.0, -wait_s) if math.isfinite(self._speed) else 0.0
             if stop.wait(wait_s) if wait_s > 0 else stop.is_set():
@@ -88,6 +93,11 @@ class Playback:
         """Publish no more. Closing the session does the same."""
         for publisher in self._publishers.values():
             publisher.close()
+
+    def _watched(self, told: Share) -> Iterator[Message]:
+        for message, share in shares(self._messages):
+            told(share)
+            yield message
 
     def _play(self, message: Message) -> Publisher | None:
         self._came.setdefault(message.topic, message.type)
