@@ -70,6 +70,7 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "learn": lambda i: ("--recordings", i.recording, "--output", i.fresh()),
     "demo": lambda i: ("--minutes", 1, "--output", i.fresh()),
     "window": lambda i: (i.recording, "--output", i.fresh()),
+    "calibrate": lambda _: (),
     "experiment": lambda i: ("scratch", "--quick", "--output", i.studied()),
 }
 #: Commands that take their robots from `configs/` themselves.
