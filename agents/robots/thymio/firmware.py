@@ -195,26 +195,26 @@ def _describe(link: Link, node_id: int) -> RemoteNode:
     node = RemoteNode(node_id)
     link.send(Message.ID_GET_NODE_DESCRIPTION, [node_id, Message.PROTOCOL_VERSION])
     end_s = time.monotonic() + _DESCRIBE_S
-    events = math.inf
+    variables = events = math.inf
     while time.monotonic() < end_s:
         message = link.receive()
         if message.source_node != node_id:
             continue
         if message.id == Message.ID_DESCRIPTION:
-            node.name, node.num_named_var, events = message.node_name, message.num_named_var, message.num_local_events
+            node.name, variables, events = message.node_name, message.num_named_var, message.num_local_events
         elif message.id == Message.ID_NAMED_VARIABLE_DESCRIPTION:
             node.add_var(message.var_name, message.var_size)
         elif message.id == Message.ID_LOCAL_EVENT_DESCRIPTION:
             node.local_events.append(message.event_name)
         if len(node.local_events) >= events:  # these come last but for the functions
-            return _checked(link, node)
+            return _checked(link, node, variables)
     raise LinkError(f"{link.name}: the robot did not finish describing itself within {_DESCRIBE_S:g} s: a bad line?")
 
 
-def _checked(link: Link, node: RemoteNode) -> RemoteNode:
+def _checked(link: Link, node: RemoteNode, variables: float) -> RemoteNode:
     missing = [name for name in _NEEDED if name not in node.var_offset]
-    if missing or len(node.named_variables) != node.num_named_var:
-        lost = f"no {missing[0]}" if missing else f"{len(node.named_variables)} of {node.num_named_var} variables"
+    if missing or len(node.named_variables) != variables:
+        lost = f"no {missing[0]}" if missing else f"{len(node.named_variables)} of {variables:g} variables"
         raise LinkError(f"{link.name}: {node.name!r} answers, but has {lost}; expected a Thymio II")
     return node
 
