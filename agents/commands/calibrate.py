@@ -6,7 +6,7 @@ import math
 from agents.commands import options
 
 _STRAIGHT_M_S = 0.1
-_SPIN_RAD_S = 1.2
+_SPIN_RAD_S = 2.0
 _PAPER_M = 0.10
 _MIDDLE = 2
 

@@ -256,6 +256,22 @@ def test_a_serial_cable_may_be_pulled_and_plugged_in_again(arena, tmp_path):
         cable.pull()
 
 
+def test_a_new_run_begins_from_nothing_and_a_halted_one_obeys_no_more(arena):
+    arena.put(1.0, 1.0, 0.0)
+    for _ in range(2):
+        with Link(arena.port) as link:
+            firmware = Firmware(link)
+            first = firmware.report()
+            assert (first.beats, first.left, first.right) == (5, 0, 0)
+            firmware.drive(100, 100, 5.0)
+            reports = [firmware.report() for _ in range(10)]
+            assert reports[-1].left > 1000
+            firmware.halt()
+            firmware.drive(100, 100, 5.0)
+            reports = [firmware.report() for _ in range(4)]
+            assert len({report.left for report in reports}) == 1
+
+
 def test_a_port_without_a_thymio_is_told(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as deaf:
         port = f"tcp/127.0.0.1:{deaf.getsockname()[1]}"
@@ -287,7 +303,7 @@ def test_bits_in_a_corridor_and_in_the_open(corridor, tmp_path):
         assert bits_at(bench, corridor, (1.20, 0.50, np.pi)) == [1, 0, 0, 0, 1]
         assert bits_at(bench, corridor, (1.20, 0.50, np.pi / 2)) == [1, 1, 1, 1, 1]  # across it
         assert bits_at(bench, corridor, (2.45, 0.50, 0.0))[1:4] == [1, 1, 1]  # a wall 7 cm before its nose
-        assert bits_at(bench, corridor, (2.40, 0.50, 0.0)) == [0, 0, 0, 0, 0]  # 12 cm
+        assert bits_at(bench, corridor, (2.36, 0.50, 0.0)) == [0, 0, 0, 0, 0]  # 16 cm
         assert bits_at(bench, corridor, (1.85, 0.50, 0.0)) == [1, 1, 1, 1, 1]  # at its closed end
         assert bits_at(bench, corridor, (0.30, 0.75, np.pi / 4)) == [0, 0, 0, 0, 0]
         compare_bits(bench, corridor, "corridor", ((0.1, 2.5), (0.41, 0.59)))
@@ -310,7 +326,10 @@ def compare_bits(bench: Bench, playground: Playground, name: str, region: tuple)
         wanted.pop()
         bits = bits_at(bench, playground, tuple(pose))
         for sensor, bit in enumerate(bits):
-            near, far = rays_m[sensor].max() < 0.085, rays_m[sensor].min() > 0.125
+            # Where a sensor's edge leaves what it reaches (14 cm), the simulator's own curve jumps: a wall seen askance
+            # may be as good as touched. So all of what a sensor sees is to be within its reach, or all beyond it.
+            least_m, most_m = rays_m[sensor].min(), rays_m[sensor].max()
+            near, far = most_m < 0.085, least_m > 0.145 or 0.115 < least_m < most_m < 0.138
             if near or far:
                 assert bit == int(near), (pose, sensor, rays_m[sensor])
                 seen[bit] += 1
@@ -322,6 +341,7 @@ class Answers:
 
     def __init__(self, config: Path, port: str) -> None:
         words = [sys.executable, "-m", "agents.cli", "calibrate", "--config", str(config), "--port", port]
+        words += ["--metres", "0.5", "--turns", "3"]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT)
         self.said = b""
 
@@ -352,7 +372,7 @@ def test_calibration_finds_the_simulators_own_figures(arena, tmp_path):
         answers.when("left positive?", f"{aside:.4f}")
         arena.put(1.0, 1.0, 0.0)
         answers.when("Enter, and it begins.")
-        answers.until("past 10 whole turns")
+        answers.until("past 3 whole turns")
         past = np.rad2deg(wrap(arena.pose()[2]))
         answers.when("?", f"{past:.1f}".replace(".", ","))  # some write a comma
         arena.put(2.0 - 0.10 - 0.0795, 1.0, 0.0)

@@ -108,7 +108,7 @@ def roll(port: str, left: int, right: int, enough: Callable[[Leg], bool]) -> Leg
                 resting = resting + 1 if still and not driving else 0
                 leg, before = leg.plus(before, after), after
         finally:
-            firmware.drive(0, 0, 0.0)
+            firmware.halt()
     return leg
 
 

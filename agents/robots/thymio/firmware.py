@@ -7,6 +7,8 @@ over: whatever happens at this end, to the cable or to the computer, the robot s
 """
 
 import math
+import secrets
+import threading
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,7 +26,7 @@ LARGEST_TARGET = 500  # beyond it the firmware drives no faster
 _LONGEST_LIFE_BEATS = 0x7FFF
 
 _REPORT_EVENT = 0
-_MARK = 0x4C52  # begins each report, so that another program's event is not taken for one
+_LARGEST_MARK = 0x7FFF
 _REPORT_WORDS = 5 + SENSORS
 _CHUNK_WORDS = 256  # of a program, in one message
 _GATHER_S = 1.0
@@ -40,8 +42,12 @@ def _zero(*names: str) -> str:
     return _lines(f"push.s 0; store {name}" for name in names)
 
 
-# In the order of memory: the command, which this end writes in one message, then the report, which the robot sends.
-PROGRAM = f"""
+def program(mark: int) -> str:
+    """What the Thymio is to run, in Aseba's assembly; `mark` begins each of its reports.
+
+    In the order of memory: the command, which this end writes in one message, then the report, which the robot sends.
+    """
+    return f"""
 left:       equ _userdata
 right:      equ _userdata+1
 life:       equ _userdata+2
@@ -59,7 +65,7 @@ felt:       equ _userdata+8
 end_toc:
 
 init:
-    push {_MARK}
+    push {mark}
     store mark
     {_zero("life", "beats", "left_way", "right_way", "felt_beats", "motor.left.target", "motor.right.target")}
     stop
@@ -138,6 +144,9 @@ class Firmware:
 
     def __init__(self, link: Link) -> None:
         self._link = link
+        self._turn, self._halted = threading.Lock(), False
+        # So that neither another program's event nor a report of the run before is taken for one of this run.
+        self._mark = secrets.randbelow(_LARGEST_MARK) + 1
         self._id = _find(link)
         self._node = _describe(link, self._id)
         self._load()
@@ -146,7 +155,7 @@ class Firmware:
         """The next one; LinkError if none comes in time."""
         waited_from_s = time.monotonic()
         while time.monotonic() - waited_from_s < _GATHER_S:
-            if found := _read_report(self._link.receive(), self._id):
+            if found := self._read(self._link.receive()):
                 return found
         raise LinkError(
             f"{self._link.name}: the Thymio speaks, but our program on it does not: another program was loaded; "
@@ -154,13 +163,41 @@ class Firmware:
         )
 
     def drive(self, left: int, right: int, life_s: float) -> None:
-        """Turn the wheels at these targets, and stop after `life_s` if nothing newer comes."""
-        life = min(max(round(life_s / BEAT_S), 0), _LONGEST_LIFE_BEATS)
+        """Turn the wheels at these targets, and stop after `life_s` if nothing newer comes; nothing after `halt`."""
+        with self._turn:
+            if not self._halted:
+                self._command(left, right, min(max(round(life_s / BEAT_S), 0), _LONGEST_LIFE_BEATS))
+
+    def halt(self) -> None:
+        """Stop the wheels for good, and see them stopped; LinkError if that cannot be seen.
+
+        Who hangs up at once may take back what was said last: a socket closed with reports unread does.
+        """
+        with self._turn:
+            self._halted = True
+            self._command(0, 0, 0)
+        before, end_s = self.report(), time.monotonic() + _GATHER_S
+        while time.monotonic() < end_s:
+            after = self.report()
+            if (after.left, after.right) == (before.left, before.right):
+                return
+            before = after
+        raise LinkError(f"{self._link.name}: the wheels go on turning though told to stop: switch the robot off")
+
+    def _command(self, left: int, right: int, life: int) -> None:
         self._link.send(Message.ID_SET_VARIABLES, [self._id, self._node.var_total_size, left, right, life])
+
+    def _read(self, message: Message) -> Report | None:
+        if message.source_node != self._id or message.id != _REPORT_EVENT:
+            return None
+        words: Sequence[int] = message.user_event_arg
+        if len(words) != _REPORT_WORDS or words[0] != self._mark:
+            return None
+        return Report(words[1], words[2], words[3], words[4], tuple(words[5:]))
 
     def _load(self) -> None:
         try:
-            words = Assembler(self._node, PROGRAM).assemble()
+            words = Assembler(self._node, program(self._mark)).assemble()
         except Exception as error:  # the assembler raises nothing more special
             raise LinkError(f"{self._link.name}: the program does not fit this Thymio's firmware: {error}") from error
         for start in range(0, len(words), _CHUNK_WORDS):
@@ -217,12 +254,3 @@ def _checked(link: Link, node: RemoteNode, variables: float) -> RemoteNode:
         lost = f"no {missing[0]}" if missing else f"{len(node.named_variables)} of {variables:g} variables"
         raise LinkError(f"{link.name}: {node.name!r} answers, but has {lost}; expected a Thymio II")
     return node
-
-
-def _read_report(message: Message, node_id: int) -> Report | None:
-    if message.source_node != node_id or message.id != _REPORT_EVENT:
-        return None
-    words: Sequence[int] = message.user_event_arg
-    if len(words) != _REPORT_WORDS or words[0] != _MARK:
-        return None
-    return Report(words[1], words[2], words[3], words[4], tuple(words[5:]))

@@ -57,7 +57,7 @@ class LiveThymio:
         self._firmware: Firmware | None = None
         self._link = "looking for it"
         self._told: dict[str, str] = {}
-        self._felt: int | None = None
+        self._felt = 0
         self._since_ns = self._clock.now_ns()
         self._said_s = -math.inf
         self.drops: Counter[str] = Counter()
@@ -93,7 +93,7 @@ class LiveThymio:
     def _live(self, link: Link, seconds: float) -> None:
         firmware, clock = Firmware(link), BeatClock()
         self._wheels.restart()
-        self._felt = None
+        self._felt = 0  # where the firmware begins, before its sensors were read
         self._firmware, self._link = firmware, CONNECTED
         try:
             while not self._is_over(seconds):
@@ -103,7 +103,7 @@ class LiveThymio:
                     self._report_state()
         finally:
             self._firmware = None
-            firmware.drive(0, 0, 0.0)
+            firmware.halt()
 
     def _tell(self, report: Report, t_ns: int) -> None:
         moved = self._wheels.add(report)
