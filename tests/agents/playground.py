@@ -5,10 +5,12 @@ It says over D-Bus where the robot truly is, and can put it elsewhere.
 
 import contextlib
 import os
+import select
 import shutil
 import signal
 import socket
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -33,6 +35,58 @@ needs_playground = pytest.mark.skipif(
 )
 
 
+class Relay:
+    """Keeps one connection to the simulator, whoever comes and goes at this end: it may crash when a client leaves.
+
+    Attributes:
+        port: where to come.
+    """
+
+    def __init__(self, simulator: int) -> None:
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = f"tcp/127.0.0.1:{self._listener.getsockname()[1]}"
+        self._simulator = socket.create_connection(("127.0.0.1", simulator))
+        self._client: socket.socket | None = None
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="relay", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._take(None)
+        self._simulator.close()
+        self._listener.close()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            waiting = [part for part in (self._listener, self._simulator, self._client) if part is not None]
+            for ready in select.select(waiting, [], [], 0.02)[0]:
+                if ready is self._listener:
+                    self._take(self._listener.accept()[0])
+                elif ready is self._simulator:
+                    self._carry(self._simulator, self._client)
+                elif ready is self._client:
+                    self._carry(self._client, self._simulator)
+
+    def _take(self, client: socket.socket | None) -> None:
+        if self._client is not None:
+            self._client.close()
+        self._client = client
+
+    def _carry(self, one: socket.socket, other: socket.socket | None) -> None:
+        try:
+            data = one.recv(4096)
+            if other is not None:
+                other.sendall(data)
+            if not data:
+                raise ConnectionResetError
+        except OSError:
+            if one is self._simulator and other is None:
+                self._stop.set()  # the simulator is gone
+            self._take(None)
+
+
 class Playground:
     """One scene with one Thymio; ends with the block.
 
@@ -46,7 +100,7 @@ class Playground:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             self._tcp = probe.getsockname()[1]
-        self.port = f"tcp/127.0.0.1:{self._tcp}"
+        self.port = ""
         self._scene = folder / f"{scene}.playground"
         text = (SCENES / f"{scene}.playground").read_text()
         assert 'port="33333"' in text
@@ -104,6 +158,9 @@ class Playground:
                 assert self._process.poll() is None, (self._folder / "playground.log").read_text()
                 assert time.monotonic() < end_s, (self._folder / "playground.log").read_text()
                 time.sleep(0.1)
+        relay = Relay(self._tcp)
+        stack.callback(relay.close)
+        self.port = relay.port
         [path] = self._ask(new_method_call(_WORLD, "PhysicalObject", "s", (name,)))
         self._robot = DBusAddress(path, _BUS, "ch.epfl.mobots.EnkiPhysicalObject")
 

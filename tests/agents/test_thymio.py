@@ -6,7 +6,6 @@ import pty
 import tty
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 from hypothesis import given
@@ -25,6 +24,7 @@ from agents.robots.thymio.wheels import LONGEST_GAP_BEATS, Wheels
 from llrp_online.configuration import Thymio, load
 from llrp_online.odometry import WheelOdometry
 from replay.poses import wrap
+from tests.agents.films import RED, film
 from tests.agents.processes import until
 
 SETTINGS = Thymio(speed_unit_m_s=0.00034, track_m=0.095, left_scale=1.02, right_scale=0.97)
@@ -267,19 +267,6 @@ def test_a_port_that_is_not_there_or_held_by_another_is_told(line):
 
 
 # --- the camera
-
-RED, WIDTH, HEIGHT = (250, 20, 10), 64, 48
-
-
-def film(path: Path, pictures: int, *, still: bool = False) -> str:
-    """A file of pictures, red with a bar that moves; OpenCV's order is blue first."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 30, (WIDTH, HEIGHT))
-    for index in range(pictures):
-        picture = np.full((HEIGHT, WIDTH, 3), RED[::-1], np.uint8)
-        picture[:, 10 if still else 2 * index % WIDTH] = 255
-        writer.write(picture)
-    writer.release()
-    return str(path)
 
 
 class Filmed:

@@ -12,7 +12,7 @@ import threading
 import time
 import tomllib
 import tty
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -27,9 +27,10 @@ from agents.transport import Frames, free_endpoint, key, open_session, subscribe
 from llrp_online.configuration import load
 from llrp_online.events import OdometrySample, Reading
 from replay.poses import wrap
+from tests.agents.films import film
 from tests.agents.playground import SCENES, SPEED_UNIT_M_S, TRACK_M, Playground, needs_playground
 from tests.agents.playground_geometry import Scene
-from tests.agents.processes import ROOT, until
+from tests.agents.processes import QUICK, ROOT, until
 
 pytestmark = needs_playground
 
@@ -41,9 +42,13 @@ SPEED_M_S = 0.1
 class Bench:
     """`llrp robot --kind thymio` as a process, what it says, and somebody who commands it."""
 
-    def __init__(self, folder: Path, port: str, extra: str = "") -> None:
+    def __init__(self, folder: Path, port: str, extra: str = "", replaced: Mapping[str, str] | None = None) -> None:
         self.config = folder / "thymio.toml"
-        self.config.write_text((ROOT / "configs" / "thymio.toml").read_text() + TABLE + extra)
+        text = (ROOT / "configs" / "thymio.toml").read_text() + TABLE + extra
+        for old, new in (replaced or {}).items():
+            assert old in text
+            text = text.replace(old, new)
+        self.config.write_text(text)
         self.configuration = load(self.config)
         self.endpoint, self.log = free_endpoint(), folder / "robot.log"
         self.session = open_session(self.endpoint, hub=True, name="test")
@@ -317,7 +322,7 @@ def compare_bits(bench: Bench, playground: Playground, name: str, region: tuple)
     """At places drawn at random, half of them near something, each bit is what geometry says where that is clear."""
     scene, rng = Scene(SCENES / f"{name}.playground"), np.random.default_rng(0)
     seen = {0: 0, 1: 0}
-    wanted = [True, False] * 12
+    wanted = [True, False] * 8
     while wanted:
         pose = np.array([rng.uniform(*region[0]), rng.uniform(*region[1]), rng.uniform(-np.pi, np.pi)])
         rays_m = scene.rays_m(pose)
@@ -333,7 +338,7 @@ def compare_bits(bench: Bench, playground: Playground, name: str, region: tuple)
             if near or far:
                 assert bit == int(near), (pose, sensor, rays_m[sensor])
                 seen[bit] += 1
-    assert min(seen.values()) >= 8, seen
+    assert min(seen.values()) >= 6, seen
 
 
 class Answers:
@@ -341,7 +346,7 @@ class Answers:
 
     def __init__(self, config: Path, port: str) -> None:
         words = [sys.executable, "-m", "agents.cli", "calibrate", "--config", str(config), "--port", port]
-        words += ["--metres", "0.5", "--turns", "3"]
+        words += ["--metres", "0.4", "--turns", "2"]
         self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT)
         self.said = b""
 
@@ -372,7 +377,7 @@ def test_calibration_finds_the_simulators_own_figures(arena, tmp_path):
         answers.when("left positive?", f"{aside:.4f}")
         arena.put(1.0, 1.0, 0.0)
         answers.when("Enter, and it begins.")
-        answers.until("past 3 whole turns")
+        answers.until("past 2 whole turns")
         past = np.rad2deg(wrap(arena.pose()[2]))
         answers.when("?", f"{past:.1f}".replace(".", ","))  # some write a comma
         arena.put(2.0 - 0.10 - 0.0795, 1.0, 0.0)
@@ -448,3 +453,26 @@ def compared(truth: list, odometry: list, start: np.ndarray) -> dict[str, float]
         "largest_heading_error_rad": bent_rad.max(),
         "heading_error_of_turn": (bent_rad[after] / turned_rad[after]).max(),
     }
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_learner_perceiver_and_controller_work_as_with_the_simulated_robot(arena, tmp_path):
+    """All agents on the real robot's messages, its camera a film: labels come, weights, predictions."""
+    arena.put(1.0, 1.0, 0.0)
+    source = film(tmp_path / "film.avi", 300)
+    words = {"width = 80": "width = 20", "height = 64": "height = 16", "window_s = 30.0": "window_s = 4.0"}
+    counts = dict.fromkeys(("labels", "prediction", topics.WEIGHTS), 0)
+    with Bench(tmp_path, arena.port, QUICK, {**words, "camera = ''": f"camera = '{source}'"}) as bench:
+        for name in counts:
+            subscribe_stream(
+                bench.session, key("thymio", name), lambda _, name=name: counts.update({name: counts[name] + 1})
+            )
+        bench.start("learner", "learn", "--output", str(tmp_path / "run"))
+        bench.start("perceiver", "perceive")
+        bench.start("controller", "control", "--behaviour", "explore")
+        until(lambda: all(count > 5 for count in counts.values()), f"all of {counts}", 200)
+        for name in ("learner", "perceiver", "controller", "robot"):
+            bench.processes[name].send_signal(signal.SIGINT)
+            assert bench.processes[name].wait(60) == 0, bench.said(name)
+            assert "Traceback" not in bench.said(name)
