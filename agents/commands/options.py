@@ -37,8 +37,8 @@ def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
     if getattr(arguments, "endpoint", None):
         transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
         configuration = configuration.model_copy(update={"transport": transport})
-    given = {key: getattr(arguments, key, None) for key in ("port", "camera")}
-    if given := {key: value for key, value in given.items() if value is not None}:
+    asked = {key: getattr(arguments, f"thymio_{key}", None) for key in ("port", "camera")}
+    if given := {key: value for key, value in asked.items() if value is not None}:
         thymio = configuration.thymio.model_copy(update=given)
         configuration = configuration.model_copy(update={"thymio": thymio})
     if arguments.command == "learn" and arguments.seed is not None:
@@ -87,7 +87,9 @@ def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> N
 
 def add_port(parser: argparse.ArgumentParser) -> None:
     """--port, of a real Thymio."""
-    parser.add_argument("--port", metavar="PORT", help="/dev/ttyACM0 or tcp/HOST:PORT, instead of [thymio] port")
+    parser.add_argument(
+        "--port", dest="thymio_port", metavar="PORT", help="/dev/ttyACM0 or tcp/HOST:PORT, instead of [thymio] port"
+    )
 
 
 def need_thymio() -> None:

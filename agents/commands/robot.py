@@ -25,7 +25,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     options.add_port(parser)
     parser.add_argument(
-        "--camera", metavar="SOURCE", help="a number, a file or an address, instead of [thymio] camera; '' for none"
+        "--camera",
+        dest="thymio_camera",
+        metavar="SOURCE",
+        help="a number, a file or an address, instead of [thymio] camera; '' for none",
     )
     parser.epilog = (
         "--scenario, --seed and --speed are the simulated robot's, --port and --camera the Thymio's.\n\n"

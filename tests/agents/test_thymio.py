@@ -5,6 +5,7 @@ import os
 import pty
 import tty
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from agents.commands import options
 from agents.robots.thymio import camera, firmware
 from agents.robots.thymio.calibration import Leg, solve
 from agents.robots.thymio.clock import BeatClock, HostClock
-from agents.robots.thymio.firmware import BEAT_S, LARGEST_TARGET, Report
+from agents.robots.thymio.firmware import BEAT_S, LARGEST_TARGET, Firmware, Report
 from agents.robots.thymio.link import Link, LinkError
 from agents.robots.thymio.proximity import half_m, ranges_m
 from agents.robots.thymio.wheels import LONGEST_GAP_BEATS, Wheels
@@ -256,6 +257,29 @@ def test_what_was_half_said_when_we_came_is_skipped(line):
     with Link(port) as link:
         os.write(other, b"\x02\x00\x07\x00\x00\x00\x2a\x00")
         assert link.receive().user_event_arg == [42]
+
+
+def test_two_robots_on_one_dongle_are_refused(line):
+    port, other = line
+    with Link(port, silence_s=0.2) as link:
+        for node in (3, 9):
+            os.write(other, b"\x02\x00" + bytes([node]) + b"\x00\x0c\x90\x05\x00")  # "I am here", protocol 5
+        with pytest.raises(LinkError, match="2 robots answer there, expected one: switch the others off"):
+            Firmware(link)
+
+
+def test_without_a_port_the_first_thymio_or_dongle_is_taken(line, monkeypatch):
+    port, _ = line
+    others = [
+        SimpleNamespace(device="/dev/ttyACM0", vid=0x2341, pid=0x0043),
+        SimpleNamespace(device="/x", vid=None, pid=None),
+    ]
+    monkeypatch.setattr("serial.tools.list_ports.comports", lambda: others)
+    with pytest.raises(LinkError, match="no Thymio and no Thymio dongle on USB"):
+        Link("")
+    others.append(SimpleNamespace(device=port, vid=0x0617, pid=0x000C))
+    with Link("") as link:
+        assert link.name == port
 
 
 def test_a_port_that_is_not_there_or_held_by_another_is_told(line):

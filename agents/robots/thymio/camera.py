@@ -81,10 +81,13 @@ class Camera:
     def _run(self) -> None:
         while not self._stop.is_set():
             capture = self._open()
-            if capture.isOpened():
-                self._grab_from(capture)
-            else:
-                self._trouble = _why_not_opened(self._settings.camera)
+            try:
+                if capture.isOpened():
+                    self._grab_from(capture)
+                else:
+                    self._trouble = _why_not_opened(self._settings.camera)
+            except cv2.error as error:
+                self._trouble = f"camera {self._settings.camera} cannot be read: {error.err}; trying again"
             capture.release()
             self._stop.wait(_RETRY_S)
 
@@ -130,7 +133,7 @@ class Camera:
         # A sensor has noise: two equal pictures are one that was handed out twice.
         if self._before is None or not np.array_equal(picture, self._before):
             self._fresh_s, self._before = now_s, picture
-        if now_s - self._fresh_s > self._settings.camera_frozen_s:
+        if now_s - self._fresh_s > self._settings.camera_frozen_s or self._stop.is_set():
             return
         small = cv2.resize(picture, self._size, interpolation=cv2.INTER_AREA)
         self._put(t_ns, np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2RGB), np.uint8))

@@ -80,7 +80,7 @@ class LiveThymio:
                 except LinkError as error:
                     self._firmware, self._link = None, str(error)
                     self._report_state()
-                    # As long as odometry may be silent and no longer: whoever labels is to know that it was.
+                    # Longer than odometry may be silent: the robot may be carried meanwhile, and the trajectory ends.
                     self._agent.stop.wait(self._gap_s)
         finally:
             subscription.close()
