@@ -2,6 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# What a robot may need; `docs` and `bench` come with the targets that want them.
+EXTRAS := sim,thymio,foxglove
 STAMP := $(VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 DOCS_STAMP := $(VENV)/.docs-installed
@@ -14,7 +16,7 @@ $(STAMP): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; v = sys.version_info; sys.exit(None if (3, 11) <= v < (3, 14) else f"llrp-online needs Python 3.11 to 3.13, this is {v.major}.{v.minor}: run make PYTHON=python3.11")'
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "The venv module is missing: apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[sim,foxglove,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(EXTRAS),dev]'
 	@touch $(STAMP)
 
 demo: $(STAMP)
@@ -33,7 +35,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports
 
 $(BENCH_STAMP): $(STAMP)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench,sim,foxglove,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(EXTRAS),bench,dev]'
 	@touch $(BENCH_STAMP)
 
 # The table is written whatever the ratios are; a ratio that is missed then fails the command.
@@ -51,7 +53,7 @@ docs: $(STAMP)
 	$(BIN)/python docs/generate.py
 
 $(DOCS_STAMP): $(STAMP)
-	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[docs,sim,foxglove,dev]'
+	$(BIN)/pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[$(EXTRAS),docs,dev]'
 	@touch $(DOCS_STAMP)
 
 # A warning is an error, and so is what comes from elsewhere. The search works where the pages are served:

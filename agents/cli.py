@@ -18,7 +18,8 @@ from agents.usage import UsageError
 #: Command -> what it does; the module of the same name has `configure(parser)` and `run(arguments) -> exit code`.
 COMMANDS = {
     "demo": "the whole story: a simulated robot learns to see while it drives; ends with a report",
-    "robot": "the simulated robot, as an agent",
+    "robot": "the simulated robot, or a real Thymio, as an agent",
+    "calibrate": "what a real Thymio's units are in metres, from two drives and a tape measure",
     "learn": "the learner: live on a robot, or over recordings",
     "perceive": "predictions from the newest frame and the newest weights, as an agent",
     "control": "a controller: seeks what was not met yet, or drives on predictions",

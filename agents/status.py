@@ -49,6 +49,25 @@ class RobotStatus:
     metres: float
 
 
+@dataclass(frozen=True)
+class ThymioStatus:
+    """What a real Thymio says of itself.
+
+    Attributes:
+        robot_s: since it began.
+        metres: rolled so far, by its odometry.
+        link: "connected", or what is wrong and what to do.
+        camera: "live", "none configured", or what is wrong and what to do.
+        drops: commands that were none.
+    """
+
+    robot_s: float
+    metres: float
+    link: str
+    camera: str
+    drops: dict[str, int] = field(default_factory=dict[str, int])
+
+
 def encode(name: str, t_ns: int, values: Mapping[str, Any]) -> bytes:
     """A flat mapping of JSON values as the bytes of a DiagnosticArray."""
     texts = {key: json.dumps(value) for key, value in values.items()}

@@ -74,6 +74,7 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "window": lambda i: (i.recording, "--output", i.fresh()),
     "export": lambda i: (i.checkpoint, "--onnx", i.fresh()),
     "completion": lambda _: ("bash",),
+    "calibrate": lambda _: (),
     "experiment": lambda i: ("scratch", "--quick", "--output", i.studied()),
 }
 #: Commands that take their robots from `configs/` or from a checkpoint, or need none.

@@ -1,6 +1,7 @@
 """Options that several commands share."""
 
 import argparse
+import importlib.util
 import math
 import os
 from collections.abc import Callable
@@ -39,6 +40,10 @@ def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
     if getattr(arguments, "endpoint", None):
         transport = configuration.transport.model_copy(update={"endpoint": arguments.endpoint})
         configuration = configuration.model_copy(update={"transport": transport})
+    asked = {key: getattr(arguments, f"thymio_{key}", None) for key in ("port", "camera")}
+    if given := {key: value for key, value in asked.items() if value is not None}:
+        thymio = configuration.thymio.model_copy(update=given)
+        configuration = configuration.model_copy(update={"thymio": thymio})
     if arguments.command == "learn" and arguments.seed is not None:
         training = configuration.training.model_copy(update={"seed": arguments.seed})
         configuration = configuration.model_copy(update={"training": training})
@@ -86,6 +91,19 @@ def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> N
     """--minutes."""
     shown = "no end" if math.isinf(default) else f"{default:g}"
     parser.add_argument("--minutes", type=positive, default=default, help=f"{what} (default: {shown})")
+
+
+def add_port(parser: argparse.ArgumentParser) -> None:
+    """--port, of a real Thymio."""
+    parser.add_argument(
+        "--port", dest="thymio_port", metavar="PORT", help="/dev/ttyACM0 or tcp/HOST:PORT, instead of [thymio] port"
+    )
+
+
+def need_thymio() -> None:
+    """RuntimeError that says what to install, where the extra `thymio` is not."""
+    if importlib.util.find_spec("thymiodirect") is None or importlib.util.find_spec("serial") is None:
+        raise RuntimeError("a real Thymio needs pyserial and thymiodirect: pip install 'llrp-online[thymio]'")
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:

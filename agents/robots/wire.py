@@ -13,7 +13,7 @@ ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 RANGE_TYPE = "sensor_msgs/msg/LaserScan"
 PICTURE_TYPE = "sensor_msgs/msg/CompressedImage"
 #: High enough that what JPEG loses is less than the augmentation's noise.
-_JPEG_QUALITY = 95
+JPEG_QUALITY = 95
 
 
 class Wire:
@@ -42,7 +42,7 @@ class Wire:
         scan = messages.laser_scan(seen.t_ns, seen.ranges, self._angles_rad, self._limits_m)
         yield self._message(self.range_topic, RANGE_TYPE, seen, scan)
         if seen.picture is not None:
-            picture = messages.compressed_image(seen.t_ns, seen.picture, quality=_JPEG_QUALITY)
+            picture = messages.compressed_image(seen.t_ns, seen.picture, quality=JPEG_QUALITY)
             yield self._message(self.picture_topic, PICTURE_TYPE, seen, picture)
 
     def _message(self, topic: str, type_name: str, seen: Observation, message: object) -> Message:

@@ -26,8 +26,9 @@ from llrp_online.configuration.rig import (
     Table,
 )
 from llrp_online.configuration.running import Control, Simulation, Transport
+from llrp_online.configuration.thymio import Thymio
 
-__all__ = ["ConfigurationError", "RobotConfiguration", "Table", "load", "load_toml", "validate"]
+__all__ = ["ConfigurationError", "RobotConfiguration", "Table", "Thymio", "load", "load_toml", "validate"]
 
 
 class RobotConfiguration(Table):
@@ -49,6 +50,9 @@ class RobotConfiguration(Table):
     transport: Transport = Transport()
     control: Control = Control()
     simulation: Simulation | None = None
+    # Left out where a configuration is written down: no result depends on how the robot is reached, and studies and
+    # checkpoints know theirs by what is written.
+    thymio: Thymio = Field(default=Thymio(), exclude=True)
 
     @property
     def sensors(self) -> list[str]:
