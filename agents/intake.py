@@ -20,6 +20,7 @@ from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 
 from agents import messages
 from agents.messages import MessageError
+from agents.topics import ODOMETRY_TYPE, relative_topic
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample, Picture, Reading
 
@@ -29,7 +30,6 @@ logger = logging.getLogger(__name__)
 # that a camera's owner may well want, portrait into landscape is a mistake.
 _STRETCH = 1.5
 _MOST_TOPICS = 1000  # remembered for the error that names them; a stranger on the bus must not fill the memory
-_ODOMETRY = "nav_msgs/msg/Odometry"
 _SCAN = "sensor_msgs/msg/LaserScan"
 _COMPRESSED, _IMAGE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 
@@ -78,7 +78,6 @@ class Intake:
         self._robot = configuration.robot.name
         self._size = configuration.camera[0].width, configuration.camera[0].height
         self._sensors = len(configuration.short_range)
-        self._types = self._expected_types(configuration)
         self._takers: dict[str, list[Callable[[str, str, bytes, int], Event | None]]] = {}
         self._cameras: dict[str, int] = {}
         self._came: dict[str, str] = {}
@@ -103,7 +102,6 @@ class Intake:
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""
         name = self._names.get(topic) or self._relative(topic)
-        type_name = type_name or self._types.get(name, "")
         if topic not in self._came and len(self._came) < _MOST_TOPICS:
             self._came[topic], self._names[topic] = type_name, name
         found = [take(name, type_name, data, received_ns) for take in self._takers.get(name, [])]
@@ -116,13 +114,6 @@ class Intake:
         topics = tuple(topic for topic in self._takers if topic not in came)
         return Missing(topics, seen) if topics else None
 
-    def _expected_types(self, configuration: RobotConfiguration) -> dict[str, str]:
-        """What the configuration says of each topic, for senders that do not say."""
-        types = {sensor.topic: sensor.type for sensor in configuration.short_range}
-        types |= {camera.topic: camera.type for camera in configuration.camera}
-        types[configuration.odometry.topic] = _ODOMETRY
-        return {self._relative(topic): type_name for topic, type_name in types.items()}
-
     def _relative(self, topic: str) -> str:
         return relative_topic(self._robot, topic)
 
@@ -130,7 +121,7 @@ class Intake:
         self._takers.setdefault(self._relative(topic), []).append(take)
 
     def _odometry(self, topic: str, type_name: str, data: bytes, _received_ns: int) -> OdometrySample | None:
-        if not self._expect(topic, type_name, (_ODOMETRY,)):
+        if not self._expect(topic, type_name, (ODOMETRY_TYPE,)):
             return None
         try:
             if (sample := messages.quick_odometry(data)) is not None:
@@ -223,15 +214,6 @@ class _Sensor:
         if math.isnan(value):
             return -1
         return int(value < self.below) if self.below is not None else int(self.above is not None and value > self.above)
-
-
-def relative_topic(robot: str, topic: str) -> str:
-    """A topic without a leading slash and the robot's name.
-
-    >>> relative_topic("thymio", "/thymio/odom"), relative_topic("thymio", "odom")
-    ('odom', 'odom')
-    """
-    return topic.removeprefix("/").removeprefix(robot + "/")
 
 
 def read_field(message: object, field: str) -> float:

@@ -8,8 +8,9 @@ from agents.checks.finding import Finding
 from agents.checks.motion import Motion
 from agents.checks.pictures import Pictures
 from agents.checks.ranges import Range
-from agents.intake import Intake, read_field, relative_topic
+from agents.intake import Intake, read_field
 from agents.messages import MessageError
+from agents.topics import relative_topic
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Picture, Reading
 from replay.recording import Message

@@ -7,7 +7,7 @@ from agents.experiments.curves import Marks, curves, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
-from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, scenarios, with_seed
+from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, scenarios, values_of, with_seed
 from agents.experiments.trial import Result, Trial
 
 _WARM, _FORGETFUL, _FROZEN, _SCRATCH = "warm start with memory", "warm start, weights alone", "frozen", "from nothing"
@@ -48,8 +48,8 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
             form = with_seed(usual, seed)
             before = [Drive(robot, scenario(name), seed, size.old_minutes) for name in old]
             lived = [Drive(robot, scenario(floor), seed, size.marks_s[-1] / 60)]
-            start = Start(form.model_dump(mode="json"), before)
-            alone = Start(form.model_dump(mode="json"), before, memory=False)
+            start = Start(values_of(form), before)
+            alone = Start(values_of(form), before, memory=False)
             yield _WARM, learning(form, lived, exams, size.marks_s, start=start)
             yield _FORGETFUL, learning(form, lived, exams, size.marks_s, start=alone)
             yield _FROZEN, learning(form, lived, exams, (size.marks_s[0], size.marks_s[-1]), start=start, frozen=True)

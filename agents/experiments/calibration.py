@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
-from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, configuration_of, robot_of, scenario, values_of, with_seed
 from agents.experiments.trial import Result, Trial
 from agents.replayed import Marks, learn_over
 from llrp_online.calibration import Calibration
@@ -54,7 +54,7 @@ def trials(size: Size) -> list[Trial]:
         Trial(
             "agents.experiments.calibration:calibrate",
             {
-                "configuration": with_seed(usual, seed).model_dump(mode="json"),
+                "configuration": values_of(with_seed(usual, seed)),
                 "lived": Drive(robot, scenario(name), seed, size.minutes).as_json(),
                 "held_out": Drive(robot, scenario(name), HELD_OUT, size.held_out_minutes).as_json(),
                 "refit_s": size.refit_s,

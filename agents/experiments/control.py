@@ -12,7 +12,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.driving import driving, living
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, values_of, with_seed
 from agents.experiments.statistics import ratio
 from agents.experiments.trial import Result, Trial
 from llrp_online.configuration import RobotConfiguration
@@ -71,7 +71,7 @@ def _judged(size: Size) -> Iterator[tuple[str, Trial]]:
     usual = configuration_of("thymio")
     for name in size.scenarios:
         for seed in size.seeds:
-            form = with_seed(usual, seed).model_dump(mode="json")
+            form = values_of(with_seed(usual, seed))
             avoid = Drive(form, scenario(name), _UNSEEN + seed, size.minutes, "avoid")
             for minutes in size.learned_minutes:
                 sight = asdict(_start(usual, name, seed, minutes)) if minutes else "untrained"
@@ -89,14 +89,14 @@ def _lived(size: Size) -> Iterator[tuple[str, Trial]]:
         for name in size.lived_scenarios:
             exam = [Drive(robot_of(usual), scenario(name), HELD_OUT + i, size.exam_minutes) for i in (0, 1)]
             for seed in size.seeds:
-                form = with_seed(changed(usual, changes), seed).model_dump(mode="json")
+                form = values_of(with_seed(changed(usual, changes), seed))
                 drive = Drive(form, scenario(name), seed, float(size.lived_minutes), behaviour)
                 yield life, living(drive, asdict(_start(usual, name, seed, minutes)), exam)
 
 
 def _start(form: RobotConfiguration, name: str, seed: int, minutes: int) -> Start:
     lived = Drive(robot_of(form), scenario(name), seed, float(minutes))
-    return Start(with_seed(form, seed).model_dump(mode="json"), [lived])
+    return Start(values_of(with_seed(form, seed)), [lived])
 
 
 def _learned(minutes: int) -> str:

@@ -12,7 +12,7 @@ from agents.commands.evaluate import ROUNDS, exam_of
 from agents.commands.train import STEPS, remember, trained
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
-from agents.experiments.settings import configuration_of, robot_of, scenario, scenarios, with_seed
+from agents.experiments.settings import configuration_of, robot_of, scenario, scenarios, values_of, with_seed
 from agents.experiments.trial import Result, Trial
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
@@ -68,7 +68,7 @@ def _trial(size: Size, form: RobotConfiguration, out: Sequence[str], seed: int) 
     return Trial(
         "agents.experiments.crossval:train",
         {
-            "configuration": with_seed(form, seed).model_dump(mode="json"),
+            "configuration": values_of(with_seed(form, seed)),
             "learned": [drive for name, drive in drives.items() if name not in out],
             "tested": {name: drives[name] for name in out},
             "steps": size.steps,

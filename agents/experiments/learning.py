@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
+from agents.experiments.settings import values_of
 from agents.experiments.shared import digest, made_once
 from agents.experiments.trial import Result, Trial
 from agents.replayed import Marks, learn_over
@@ -65,11 +66,11 @@ def learning(
     examiner: RobotConfiguration | None = None,
 ) -> Trial:
     """A trial of `learn`."""
-    judged = {} if examiner is None else {"examiner": examiner.model_dump(mode="json")}
+    judged = {} if examiner is None else {"examiner": values_of(examiner)}
     return Trial(
         "agents.experiments.learning:learn",
         {
-            "configuration": configuration.model_dump(mode="json"),
+            "configuration": values_of(configuration),
             "lived": [drive.as_json() for drive in lived],
             "exams": {name: [drive.as_json() for drive in drives] for name, drives in exams.items()},
             "marks_s": list(marks_s),

@@ -14,7 +14,7 @@ from agents.experiments.pioneer_cells import Cells
 from agents.experiments.pioneer_drives import PioneerDrive
 from agents.experiments.pioneer_published import Published, published
 from agents.experiments.pioneer_rig import rig
-from agents.experiments.settings import CONFIGS, changed, configuration_of, with_seed
+from agents.experiments.settings import CONFIGS, changed, configuration_of, values_of, with_seed
 from agents.experiments.trial import Result, Trial
 from agents.robots.pioneer import PioneerWorld, load_world
 from llrp_online.configuration import RobotConfiguration
@@ -67,7 +67,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
         },
     )
     # The drive is told by what the robot is, not by how it learns, so that all forms share it.
-    drives = [PioneerDrive(robot.model_dump(mode="json"), told, seed, size.minutes).as_json() for seed in size.maps]
+    drives = [PioneerDrive(values_of(robot), told, seed, size.minutes).as_json() for seed in size.maps]
     half = len(drives) // 2
     for seed in size.seeds:
         for learned, tested in ((drives[:half], drives[half:]), (drives[half:], drives[:half])):
@@ -85,7 +85,7 @@ def _trial(
     tested: Sequence[Mapping[str, object]],
     asked: Mapping[str, int],
 ) -> Trial:
-    told = {"configuration": form.model_dump(mode="json"), "learned": list(learned), "tested": list(tested), **asked}
+    told = {"configuration": values_of(form), "learned": list(learned), "tested": list(tested), **asked}
     return Trial(f"agents.experiments.pioneer_learning:{work}", told)
 
 

@@ -13,7 +13,7 @@ from agents.experiments.disturbances import DISTURBANCES, Disturbance, Kind
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, scenario, with_seed
+from agents.experiments.settings import HELD_OUT, changed, configuration_of, scenario, values_of, with_seed
 from agents.experiments.statistics import median, ratio
 from agents.experiments.trial import Result, Trial
 
@@ -68,10 +68,10 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     The seed changes fastest, so that processes do not wait for each other's first life.
     """
     usual = configuration_of("thymio")
-    robot = usual.model_dump(mode="json")
+    robot = values_of(usual)
     for name in (_USUAL, *size.disturbances):
         disturbance = DISTURBANCES.get(name, Disturbance("world"))
-        other = changed(usual, disturbance.robot).model_dump(mode="json")
+        other = values_of(changed(usual, disturbance.robot))
         for floor in size.scenarios:
             arena = disturbance.arena(scenario(floor))
             held_out = [Drive(other, arena, HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)]
@@ -79,7 +79,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
                 form = with_seed(usual, seed)
                 before = [Drive(robot, scenario(old), seed, size.before_minutes) for old in size.before]
                 lived = [Drive(other, arena, seed, size.marks_s[-1] / 60)]
-                exams, start = {"here": held_out}, Start(form.model_dump(mode="json"), before)
+                exams, start = {"here": held_out}, Start(values_of(form), before)
                 yield name, learning(form, lived, exams, size.marks_s, start=start)
                 if disturbance.kind == _POSE:
                     alone = replace(start, memory=False)

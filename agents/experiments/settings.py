@@ -11,6 +11,8 @@ from llrp_online.configuration import RobotConfiguration, load
 HELD_OUT = 1000
 CONFIGS = Path("configs")
 _LEARNING = {"memory", "network", "augmentation", "training", "compute", "publishing"}
+#: Tables that say how a robot is reached. No result depends on them, so no trial is named by them.
+_WIRE = {"keys"}
 
 
 def configuration_of(robot: str) -> RobotConfiguration:
@@ -18,9 +20,14 @@ def configuration_of(robot: str) -> RobotConfiguration:
     return load(CONFIGS / f"{robot}.toml")
 
 
+def values_of(configuration: RobotConfiguration) -> dict[str, Any]:
+    """What a trial may depend on, as JSON values: all but how the robot is reached."""
+    return configuration.model_dump(mode="json", exclude=_WIRE)
+
+
 def robot_of(configuration: RobotConfiguration) -> dict[str, Any]:
-    """What a drive depends on, as JSON values: all but how the robot learns, so that all its learners share drives."""
-    return configuration.model_dump(mode="json", exclude=_LEARNING)
+    """What a drive depends on, as JSON values: not how the robot learns either, so that all its learners share it."""
+    return configuration.model_dump(mode="json", exclude=_LEARNING | _WIRE)
 
 
 def scenario(name: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ Frames are REP 103's: x forward, y left, yaw counter-clockwise, metres and radia
 sensor's clock, in the message's header.
 """
 
-from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns
+from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns, type_hash
 from agents.messages.pictures import compressed_image, image, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
@@ -38,4 +38,5 @@ __all__ = [
     "stamp_ns",
     "time_ns",
     "twist",
+    "type_hash",
 ]

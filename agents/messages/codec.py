@@ -59,6 +59,16 @@ def definition(type_name: str) -> str:
     return _STORE.generate_msgdef(type_name, ros_version=2)[0]
 
 
+def type_hash(type_name: str) -> str:
+    """A type's hash (REP 2011), as ROS 2 Iron and later know it.
+
+    >>> type_hash("std_msgs/msg/Bool")[:15]
+    'RIHS01_feb91e99'
+    """
+    _check_known(type_name)
+    return _STORE.hash_rihs01(type_name)
+
+
 def header(t_ns: int, frame: str) -> Header:
     """A header of sensor time `t_ns` in the coordinate frame `frame`."""
     return Header(Time(*divmod(t_ns, _SECOND_NS)), frame)

@@ -11,10 +11,9 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import zenoh
-
-from agents.intake import Missing, relative_topic
-from agents.transport import Frames, Publisher, Stream, key
+from agents.intake import Missing
+from agents.topics import relative_topic
+from agents.transport import Frames, Publisher, Session, Stream, key
 from llrp_online.configuration import RobotConfiguration
 from replay.recording import Message, read
 
@@ -50,7 +49,7 @@ class Playback:
     """
 
     def __init__(
-        self, session: zenoh.Session, configuration: RobotConfiguration, path: str | Path, speed: float = 1.0
+        self, session: Session, configuration: RobotConfiguration, path: str | Path, speed: float = 1.0
     ) -> None:
         self.played = 0
         self.late_s = 0.0

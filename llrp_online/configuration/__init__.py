@@ -25,7 +25,7 @@ from llrp_online.configuration.rig import (
     ShortRange,
     Table,
 )
-from llrp_online.configuration.running import Control, Simulation, Transport
+from llrp_online.configuration.running import Control, Keys, Simulation, Transport
 
 __all__ = ["ConfigurationError", "RobotConfiguration", "Table", "load", "load_toml", "validate"]
 
@@ -46,6 +46,7 @@ class RobotConfiguration(Table):
     publishing: Publishing = Publishing()
     compute: Compute = Compute()
     transport: Transport = Transport()
+    keys: Keys = Keys()
     control: Control = Control()
     simulation: Simulation | None = None
 

@@ -97,3 +97,19 @@ class Simulation(Table):
                 f"got {self.shutter_s:g}; close the shutter sooner, or lower rate_hz"
             )
         return self
+
+
+class Keys(Table):
+    """[keys]: what topics are called on Zenoh, and in ROS 2."""
+
+    mapping: Literal["plain", "ros2-zenoh", "ros2-dds"] = Field(
+        default="plain",
+        description="`plain`: the robot's name and the topic; `ros2-zenoh`: as rmw_zenoh; `ros2-dds`: as "
+        "zenoh-bridge-ros2dds",
+    )
+    domain: int = Field(default=0, ge=0, le=232, description="ROS_DOMAIN_ID, of `ros2-zenoh` and of `llrp ros2`")
+    namespace: str = Field(
+        default="",
+        pattern=r"^([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?$",
+        description="ROS 2 namespace of the robot's topics: `bot1` makes `/bot1/odom` of `odom`",
+    )

@@ -9,7 +9,7 @@ from agents.experiments import robustness
 from agents.experiments.bars import paired_bars
 from agents.experiments.disturbances import DISTURBANCES, floor_coloured
 from agents.experiments.robustness import FULL, QUICK, Outcome, Size, findings, trials
-from agents.experiments.settings import changed, configuration_of, scenario, scenarios
+from agents.experiments.settings import changed, configuration_of, scenario, scenarios, values_of
 from agents.experiments.statistics import ratio
 from agents.robots.simulated import Scenario
 from agents.robots.simulated.camera import Optics
@@ -169,7 +169,7 @@ def test_each_trial_starts_undisturbed_and_is_examined_as_it_lives():
             continue
         assert trial.parameters["start"]["memory"] == (not name.endswith("without its memory"))
         lived, (here, there) = trial.parameters["lived"], trial.parameters["exams"]["here"]
-        assert trial.parameters["start"]["lived"][0]["configuration"] == USUAL.model_dump(mode="json")
+        assert trial.parameters["start"]["lived"][0]["configuration"] == values_of(USUAL)
         for drive in (here, there):
             assert drive["configuration"] == lived[0]["configuration"]
             assert drive["scenario"] == lived[0]["scenario"]

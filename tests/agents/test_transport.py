@@ -9,13 +9,13 @@ from contextlib import contextmanager
 
 import psutil
 import pytest
-import zenoh
 
 from agents.transport import (
     Frames,
     NoAnswer,
     Received,
     Refused,
+    Session,
     State,
     Stream,
     TransportError,
@@ -51,10 +51,10 @@ def until(true: Callable[[], bool], timeout_s: float = 5.0) -> bool:
 
 
 @contextmanager
-def pair() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
+def pair() -> Iterator[tuple[Session, Session]]:
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second:
-        assert until(lambda: bool(first.info.peers_zid()))
+        assert until(lambda: bool(first.zenoh.info.peers_zid()))
         yield first, second
 
 
@@ -72,20 +72,20 @@ def test_three_agents_meet_whoever_comes_first():
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second, open_session(endpoint) as third:
         for session in (first, second, third):
-            assert until(lambda session=session: len(session.info.peers_zid()) == 2)
+            assert until(lambda session=session: len(session.zenoh.info.peers_zid()) == 2)
 
 
 def test_others_go_on_when_the_hub_goes_and_a_new_one_is_found():
     endpoint = free_endpoint()
     hub = open_session(endpoint)
     with open_session(endpoint) as second, open_session(endpoint) as third:
-        assert until(lambda: len(second.info.peers_zid()) == 2)
+        assert until(lambda: len(second.zenoh.info.peers_zid()) == 2)
         hub.close()
         found: list[Received] = []
         with subscribe_latest(third, "bot/a", found.append), Frames(second, "bot/a", ODOMETRY) as publisher:
             assert until(lambda: publisher.put(b"x") or bool(found))
         with open_session(endpoint, hub=True) as new:
-            assert until(lambda: len(new.info.peers_zid()) == 2)
+            assert until(lambda: len(new.zenoh.info.peers_zid()) == 2)
 
 
 def test_an_endpoint_that_cannot_be_is_an_error():
@@ -99,7 +99,7 @@ def test_an_endpoint_that_cannot_be_is_an_error():
 def test_only_loopback_is_listened_on():
     with open_session(free_endpoint()) as session:
         mine = [c.laddr.ip for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
-        assert session.info.peers_zid() == []
+        assert session.zenoh.info.peers_zid() == []
         assert set(mine) == {"127.0.0.1"}
 
 
@@ -123,7 +123,9 @@ def test_a_message_carries_type_count_and_clocks():
 
 def test_a_message_of_a_stranger_has_no_count():
     with pair() as (first, second):
-        found = receive(subscribe_latest, second, "bot/x", 1, lambda: first.put("bot/x", b"1", attachment=b"other"))
+        found = receive(
+            subscribe_latest, second, "bot/x", 1, lambda: first.zenoh.put("bot/x", b"1", attachment=b"other")
+        )
     assert found == [Received("bot/x", "", b"1", None)]
     assert found[0].age_s() == 0.0
 

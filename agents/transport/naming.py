@@ -1,0 +1,255 @@
+"""What a topic is called on the wire: one idea, three dialects. Agents know a topic as `<robot>/<topic>`, always.
+
+- `Plain`: that is its key.
+- `Ros2Dds`: the key is the ROS 2 topic's name, as zenoh-bridge-ros2dds has it; nothing goes with the message.
+- `Ros2Zenoh`: `<domain>/<topic>/<type>/<type hash>`, as ROS 2's own Zenoh middleware, rmw_zenoh, has it.
+
+Only what is a ROS message has another name: a topic whose type is known, from the table of topics or from whoever
+publishes it. Weights, requests and presence are between agents, and their keys are plain in every dialect.
+
+Sources: https://github.com/ros2/rmw_zenoh/blob/rolling/docs/design.md and
+https://github.com/eclipse-zenoh/zenoh-plugin-ros2dds.
+"""
+
+import hashlib
+import struct
+import time
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol
+
+_PLAIN_ATTACHMENT = struct.Struct("<QQq")
+_GID_BYTES = 16
+_RMW_ATTACHMENT = struct.Struct(f"<qqB{_GID_BYTES}s")
+_DDS_PACKAGE = "dds_"
+
+
+class Sent(NamedTuple):
+    """When a message was sent, by its sender.
+
+    Attributes:
+        sequence: one more with each message of a publisher.
+        monotonic_ns: the machine's clock since it started, the same for all processes of one machine; None from a
+            sender that does not say.
+        wall_ns: since 1970.
+        publisher: tells the publishers of one topic apart; empty where a topic has but one.
+    """
+
+    sequence: int
+    monotonic_ns: int | None
+    wall_ns: int
+    publisher: bytes = b""
+
+
+class Naming(Protocol):
+    """A dialect. `key` is `<robot>/<topic>`, `wire` is what Zenoh sees."""
+
+    def published(self, key: str, type_name: str, /) -> str:
+        """Where messages of a type are put; `type_name` may be empty."""
+        ...
+
+    def subscribed(self, key: str, /) -> str:
+        """What is subscribed to."""
+        ...
+
+    def everything(self, robot: str, /) -> str:
+        """What all topics of a robot match."""
+        ...
+
+    def read(self, wire: str, /) -> tuple[str, str]:
+        """Key and ROS type, empty if unknown, of a message that came."""
+        ...
+
+    def type_of(self, key: str, /) -> str:
+        """The ROS type that a topic is expected to have; empty if it is none of ROS."""
+        ...
+
+    def attachment(self, sequence: int, wire: str, /) -> bytes | None:
+        """What goes with a message: its count and clocks."""
+        ...
+
+
+class Plain:
+    """`<robot>/<topic>` as it is.
+
+    Args:
+        types: ROS types by key, for senders that do not say.
+
+    >>> Plain().published("rover/odom", "nav_msgs/msg/Odometry")
+    'rover/odom'
+    """
+
+    def __init__(self, types: Mapping[str, str] | None = None) -> None:
+        self._types = dict(types or {})
+
+    def published(self, key: str, _type_name: str, /) -> str:
+        """The key."""
+        return key
+
+    def subscribed(self, key: str) -> str:
+        """The key."""
+        return key
+
+    def everything(self, robot: str) -> str:
+        """All below the robot's name."""
+        return f"{robot}/**"
+
+    def read(self, wire: str) -> tuple[str, str]:
+        """Itself, and the type that the table has."""
+        return wire, self.type_of(wire)
+
+    def type_of(self, key: str) -> str:
+        """As the table has it."""
+        return self._types.get(key, "")
+
+    def attachment(self, sequence: int, _wire: str, /) -> bytes | None:
+        """Count and both clocks."""
+        return _PLAIN_ATTACHMENT.pack(sequence, time.monotonic_ns(), time.time_ns())
+
+
+class Ros2Dds:
+    """The ROS 2 topic's name.
+
+    Args:
+        robot: its name, before each key.
+        types: ROS types by key.
+        namespace: of the robot's topics in ROS 2, without slashes at its ends; may be empty.
+
+    >>> naming = Ros2Dds("rover", {"rover/odom": "nav_msgs/msg/Odometry"}, "bot1")
+    >>> naming.subscribed("rover/odom"), naming.subscribed("rover/learner/weights")
+    ('bot1/odom', 'rover/learner/weights')
+    >>> naming.read("bot1/odom")
+    ('rover/odom', 'nav_msgs/msg/Odometry')
+    """
+
+    def __init__(self, robot: str, types: Mapping[str, str], namespace: str = "") -> None:
+        self._robot, self._types = robot, dict(types)
+        self._before = f"{namespace}/" if namespace else ""
+
+    def published(self, key: str, type_name: str) -> str:
+        """The topic's name."""
+        return self._ros(key) if type_name or self.type_of(key) else key
+
+    def subscribed(self, key: str) -> str:
+        """The topic's name."""
+        return self.published(key, "")
+
+    def everything(self, _robot: str, /) -> str:
+        """All in the namespace."""
+        return f"{self._before}**"
+
+    def read(self, wire: str) -> tuple[str, str]:
+        """A key that is plain stays so."""
+        key = f"{self._robot}/{wire.removeprefix(self._before)}"
+        if not self.type_of(key) and wire.startswith(f"{self._robot}/"):
+            key = wire
+        return key, self.type_of(key)
+
+    def type_of(self, key: str) -> str:
+        """As the table has it."""
+        return self._types.get(key, "")
+
+    def attachment(self, _sequence: int, _wire: str, /) -> bytes | None:
+        """The bridge sends none, and expects none."""
+        return None
+
+    def _ros(self, key: str) -> str:
+        return self._before + key.removeprefix(f"{self._robot}/")
+
+
+class Ros2Zenoh:
+    """`<domain>/<topic>/<type>/<type hash>`.
+
+    Hashes differ between the releases of ROS 2, so that any hash is subscribed to, and the type read from the key.
+
+    Args:
+        robot: its name, before each key.
+        types: ROS types by key.
+        type_hash: gives a type's hash, such as "RIHS01_0a1b...".
+        domain: ROS_DOMAIN_ID.
+        namespace: of the robot's topics in ROS 2, without slashes at its ends; may be empty.
+
+    >>> naming = Ros2Zenoh("rover", {"rover/odom": "nav_msgs/msg/Odometry"}, lambda type_name: "RIHS01_0a1b", 7)
+    >>> naming.published("rover/odom", "")
+    '7/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_0a1b'
+    >>> naming.subscribed("rover/odom"), naming.subscribed("rover/learner/weights")
+    ('7/odom/*/*', 'rover/learner/weights')
+    >>> naming.read("7/a/b/std_msgs::msg::dds_::Bool_/TypeHashNotSupported")
+    ('rover/a/b', 'std_msgs/msg/Bool')
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        types: Mapping[str, str],
+        type_hash: Callable[[str], str],
+        domain: int = 0,
+        namespace: str = "",
+    ) -> None:
+        self._robot, self._types, self._hash = robot, dict(types), type_hash
+        self.domain, self._namespace = domain, namespace
+        self._before = f"{domain}/{namespace}/" if namespace else f"{domain}/"
+
+    def published(self, key: str, type_name: str) -> str:
+        """With the hash that ROS 2 Jazzy and later give the type."""
+        name = type_name or self.type_of(key)
+        return f"{self._before}{self._topic(key)}/{self.typed(name)}" if name else key
+
+    def subscribed(self, key: str) -> str:
+        """Any type, any hash."""
+        return f"{self._before}{self._topic(key)}/*/*" if self.type_of(key) else key
+
+    def everything(self, _robot: str, /) -> str:
+        """All in the domain and the namespace."""
+        return f"{self._before}**"
+
+    def read(self, wire: str) -> tuple[str, str]:
+        """The type is in the key; what is not of this shape is plain."""
+        topic, _, last = wire.removeprefix(self._before).rpartition("/")
+        topic, _, dds = topic.rpartition("/")
+        parts = dds.split("::")
+        if not wire.startswith(self._before) or not topic or len(parts) != 4 or parts[2] != _DDS_PACKAGE or not last:
+            return wire, ""
+        return f"{self._robot}/{topic}", f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}"
+
+    def type_of(self, key: str) -> str:
+        """As the table has it."""
+        return self._types.get(key, "")
+
+    def attachment(self, sequence: int, wire: str) -> bytes | None:
+        """Count, the wall's clock, and 16 bytes that no other publisher has; counts begin with 1."""
+        return _RMW_ATTACHMENT.pack(sequence + 1, time.time_ns(), _GID_BYTES, gid(wire))
+
+    def topic_name(self, key: str) -> str:
+        """The ROS 2 topic's full name.
+
+        >>> Ros2Zenoh("rover", {}, str, namespace="bot1").topic_name("rover/odom")
+        '/bot1/odom'
+        """
+        return f"/{self._namespace}/{self._topic(key)}" if self._namespace else f"/{self._topic(key)}"
+
+    def typed(self, type_name: str) -> str:
+        """Type and hash, as they stand in a key."""
+        package, kind, name = type_name.split("/")
+        return f"{package}::{kind}::{_DDS_PACKAGE}::{name}_/{self._hash(type_name)}"
+
+    def _topic(self, key: str) -> str:
+        return key.removeprefix(f"{self._robot}/")
+
+
+def gid(name: str) -> bytes:
+    """16 bytes that stand for a publisher."""
+    return hashlib.blake2b(name.encode(), digest_size=_GID_BYTES).digest()
+
+
+def read_attachment(extra: bytes) -> Sent | None:
+    """What a sender of any dialect said of its message; None if nothing that is known.
+
+    >>> read_attachment(Plain().attachment(3, "")).sequence, read_attachment(b"other")
+    (3, None)
+    """
+    if len(extra) == _PLAIN_ATTACHMENT.size:
+        return Sent(*_PLAIN_ATTACHMENT.unpack(extra))
+    if len(extra) == _RMW_ATTACHMENT.size and extra[16] == _GID_BYTES:
+        sequence, wall_ns, _, publisher = _RMW_ATTACHMENT.unpack(extra)
+        return Sent(sequence, None, wall_ns, publisher)
+    return None
