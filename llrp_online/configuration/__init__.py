@@ -99,6 +99,9 @@ class RobotConfiguration(Table):
             ("short_range", self.sensors, [s.swap for s in self.short_range]),
         ):
             _check_swaps(what, names, swaps)
+        for topic, sensors in self.streams.items():
+            if len({self.short_range[index].way().latest for index in sensors}) > 1:
+                raise ValueError(f"short_range: of topic {topic!r}, either every field is `latest` or none is")
         self.targets.build()  # targets that cannot be built are refused here, where the file is named
         if self.augmentation.flip > 0:
             self._can_flip()
