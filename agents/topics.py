@@ -4,6 +4,7 @@ from llrp_online.configuration import RobotConfiguration
 
 COMMAND = "cmd_vel"
 COMMAND_TYPE = "geometry_msgs/msg/Twist"
+STAMPED_COMMAND_TYPE = "geometry_msgs/msg/TwistStamped"
 PREDICTION = "prediction"
 LABELS = "labels"
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -15,15 +16,17 @@ ROBOT_STATUS = "robot/status"
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 
-#: The ROS messages among them; weights and requests are none.
-SPOKEN = {
-    COMMAND: COMMAND_TYPE,
-    PREDICTION: CLOUD_TYPE,
-    LABELS: CLOUD_TYPE,
-    LEARNER_STATUS: STATUS_TYPE,
-    PERCEIVER_STATUS: STATUS_TYPE,
-    ROBOT_STATUS: STATUS_TYPE,
-}
+
+def spoken(configuration: RobotConfiguration) -> dict[str, str]:
+    """What agents say in ROS messages, with the types; weights and requests are none."""
+    return {
+        COMMAND: STAMPED_COMMAND_TYPE if configuration.keys.command_stamped else COMMAND_TYPE,
+        PREDICTION: CLOUD_TYPE,
+        LABELS: CLOUD_TYPE,
+        LEARNER_STATUS: STATUS_TYPE,
+        PERCEIVER_STATUS: STATUS_TYPE,
+        ROBOT_STATUS: STATUS_TYPE,
+    }
 
 
 def sensed(configuration: RobotConfiguration) -> dict[str, str]:

@@ -9,7 +9,7 @@ from agents.messages.pictures import compressed_image, image, picture, quick_pic
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
 from agents.messages.shortcut import flat_scan
-from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, twist
+from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, stamped_twist, twist
 
 __all__ = [
     "LabelCloud",
@@ -36,6 +36,7 @@ __all__ = [
     "read_prediction",
     "read_twist",
     "stamp_ns",
+    "stamped_twist",
     "time_ns",
     "twist",
     "type_hash",

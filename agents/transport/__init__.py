@@ -16,7 +16,7 @@ Every handler runs in a thread of its own subscription, reading from a channel: 
 that makes frames seconds old, and one left open hangs the process at its end.
 """
 
-from agents.transport.naming import Naming, Plain, Ros2Dds, Ros2Zenoh, Sent
+from agents.transport.naming import Naming, Plain, Ros2Dds, Ros2Zenoh, RosNames, Sent
 from agents.transport.presence import announce, present, watch, watch_elder
 from agents.transport.publish import Frames, Publisher, State, Stream
 from agents.transport.requests import NoAnswer, Refused, RequestError, call, serve
@@ -41,6 +41,7 @@ __all__ = [
     "RequestError",
     "Ros2Dds",
     "Ros2Zenoh",
+    "RosNames",
     "Sent",
     "Session",
     "State",

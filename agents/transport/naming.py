@@ -106,28 +106,60 @@ class Plain:
         return _PLAIN_ATTACHMENT.pack(sequence, time.monotonic_ns(), time.time_ns())
 
 
+class RosNames:
+    """What ROS 2 calls a robot's topics.
+
+    Args:
+        robot: its name, before each key.
+        namespace: of the robot's topics in ROS 2, without slashes at its ends; may be empty.
+        renamed: topics that have another name there.
+
+    >>> names = RosNames("rover", "bot1", {"cmd_vel": "commands/velocity"})
+    >>> names.name("rover/odom"), names.name("rover/cmd_vel"), names.key("bot1/commands/velocity")
+    ('bot1/odom', 'bot1/commands/velocity', 'rover/cmd_vel')
+    """
+
+    def __init__(self, robot: str, namespace: str = "", renamed: Mapping[str, str] | None = None) -> None:
+        self._robot = f"{robot}/"
+        self.before = f"{namespace}/" if namespace else ""
+        self._there = dict(renamed or {})
+        self._here = {there: here for here, there in self._there.items()}
+
+    def name(self, key: str) -> str:
+        """In ROS 2, without the slash at its beginning."""
+        topic = key.removeprefix(self._robot)
+        return self.before + self._there.get(topic, topic)
+
+    def key(self, name: str) -> str:
+        """The other way."""
+        topic = name.removeprefix(self.before)
+        return self._robot + self._here.get(topic, topic)
+
+    def is_key(self, text: str) -> bool:
+        """Whether it begins as a key does."""
+        return text.startswith(self._robot)
+
+
 class Ros2Dds:
     """The ROS 2 topic's name.
 
     Args:
-        robot: its name, before each key.
+        names: what topics are called.
         types: ROS types by key.
-        namespace: of the robot's topics in ROS 2, without slashes at its ends; may be empty.
 
-    >>> naming = Ros2Dds("rover", {"rover/odom": "nav_msgs/msg/Odometry"}, "bot1")
+    >>> naming = Ros2Dds(RosNames("rover", "bot1"), {"rover/odom": "nav_msgs/msg/Odometry"})
     >>> naming.subscribed("rover/odom"), naming.subscribed("rover/learner/weights")
     ('bot1/odom', 'rover/learner/weights')
     >>> naming.read("bot1/odom")
     ('rover/odom', 'nav_msgs/msg/Odometry')
     """
 
-    def __init__(self, robot: str, types: Mapping[str, str], namespace: str = "") -> None:
-        self._robot, self._types = robot, dict(types)
-        self._before = f"{namespace}/" if namespace else ""
+    def __init__(self, names: RosNames, types: Mapping[str, str]) -> None:
+        self._names, self._types = names, dict(types)
 
     def published(self, key: str, type_name: str) -> str:
         """The topic's name."""
-        return self._ros(key) if type_name or self.type_of(key) else key
+        return self._names.name(key) if type_name or self.type_of(key) else key
 
     def subscribed(self, key: str) -> str:
         """The topic's name."""
@@ -135,12 +167,12 @@ class Ros2Dds:
 
     def everything(self, _robot: str, /) -> str:
         """All in the namespace."""
-        return f"{self._before}**"
+        return f"{self._names.before}**"
 
     def read(self, wire: str) -> tuple[str, str]:
         """A key that is plain stays so."""
-        key = f"{self._robot}/{wire.removeprefix(self._before)}"
-        if not self.type_of(key) and wire.startswith(f"{self._robot}/"):
+        key = self._names.key(wire)
+        if not self.type_of(key) and self._names.is_key(wire):
             key = wire
         return key, self.type_of(key)
 
@@ -152,9 +184,6 @@ class Ros2Dds:
         """The bridge sends none, and expects none."""
         return None
 
-    def _ros(self, key: str) -> str:
-        return self._before + key.removeprefix(f"{self._robot}/")
-
 
 class Ros2Zenoh:
     """`<domain>/<topic>/<type>/<type hash>`.
@@ -162,13 +191,13 @@ class Ros2Zenoh:
     Hashes differ between the releases of ROS 2, so that any hash is subscribed to, and the type read from the key.
 
     Args:
-        robot: its name, before each key.
+        names: what topics are called.
         types: ROS types by key.
         type_hash: gives a type's hash, such as "RIHS01_0a1b...".
         domain: ROS_DOMAIN_ID.
-        namespace: of the robot's topics in ROS 2, without slashes at its ends; may be empty.
 
-    >>> naming = Ros2Zenoh("rover", {"rover/odom": "nav_msgs/msg/Odometry"}, lambda type_name: "RIHS01_0a1b", 7)
+    >>> types = {"rover/odom": "nav_msgs/msg/Odometry"}
+    >>> naming = Ros2Zenoh(RosNames("rover"), types, lambda type_name: "RIHS01_0a1b", domain=7)
     >>> naming.published("rover/odom", "")
     '7/odom/nav_msgs::msg::dds_::Odometry_/RIHS01_0a1b'
     >>> naming.subscribed("rover/odom"), naming.subscribed("rover/learner/weights")
@@ -178,38 +207,32 @@ class Ros2Zenoh:
     """
 
     def __init__(
-        self,
-        robot: str,
-        types: Mapping[str, str],
-        type_hash: Callable[[str], str],
-        domain: int = 0,
-        namespace: str = "",
+        self, names: RosNames, types: Mapping[str, str], type_hash: Callable[[str], str], domain: int = 0
     ) -> None:
-        self._robot, self._types, self._hash = robot, dict(types), type_hash
-        self.domain, self._namespace = domain, namespace
-        self._before = f"{domain}/{namespace}/" if namespace else f"{domain}/"
+        self.names, self._types, self._hash, self.domain = names, dict(types), type_hash, domain
 
     def published(self, key: str, type_name: str) -> str:
         """With the hash that ROS 2 Jazzy and later give the type."""
         name = type_name or self.type_of(key)
-        return f"{self._before}{self._topic(key)}/{self.typed(name)}" if name else key
+        return f"{self.domain}/{self.names.name(key)}/{self.typed(name)}" if name else key
 
     def subscribed(self, key: str) -> str:
         """Any type, any hash."""
-        return f"{self._before}{self._topic(key)}/*/*" if self.type_of(key) else key
+        return f"{self.domain}/{self.names.name(key)}/*/*" if self.type_of(key) else key
 
     def everything(self, _robot: str, /) -> str:
         """All in the domain and the namespace."""
-        return f"{self._before}**"
+        return f"{self.domain}/{self.names.before}**"
 
     def read(self, wire: str) -> tuple[str, str]:
         """The type is in the key; what is not of this shape is plain."""
-        topic, _, last = wire.removeprefix(self._before).rpartition("/")
+        domain, _, rest = wire.partition("/")
+        topic, _, last = rest.rpartition("/")
         topic, _, dds = topic.rpartition("/")
         parts = dds.split("::")
-        if not wire.startswith(self._before) or not topic or len(parts) != 4 or parts[2] != _DDS_PACKAGE or not last:
+        if domain != str(self.domain) or not topic or len(parts) != 4 or parts[2] != _DDS_PACKAGE or not last:
             return wire, ""
-        return f"{self._robot}/{topic}", f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}"
+        return self.names.key(topic), f"{parts[0]}/{parts[1]}/{parts[3].removesuffix('_')}"
 
     def type_of(self, key: str) -> str:
         """As the table has it."""
@@ -219,21 +242,10 @@ class Ros2Zenoh:
         """Count, the wall's clock, and 16 bytes that no other publisher has; counts begin with 1."""
         return _RMW_ATTACHMENT.pack(sequence + 1, time.time_ns(), _GID_BYTES, gid(wire))
 
-    def topic_name(self, key: str) -> str:
-        """The ROS 2 topic's full name.
-
-        >>> Ros2Zenoh("rover", {}, str, namespace="bot1").topic_name("rover/odom")
-        '/bot1/odom'
-        """
-        return f"/{self._namespace}/{self._topic(key)}" if self._namespace else f"/{self._topic(key)}"
-
     def typed(self, type_name: str) -> str:
         """Type and hash, as they stand in a key."""
         package, kind, name = type_name.split("/")
         return f"{package}::{kind}::{_DDS_PACKAGE}::{name}_/{self._hash(type_name)}"
-
-    def _topic(self, key: str) -> str:
-        return key.removeprefix(f"{self._robot}/")
 
 
 def gid(name: str) -> bytes:

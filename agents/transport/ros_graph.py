@@ -51,7 +51,7 @@ class RosGraph:
         return f"{_NOTHING}/{_NOTHING}/{self._node}"
 
     def _endpoint(self, kind: str, key: str, type_name: str, qos: Qos) -> zenoh.LivelinessToken:
-        topic = self._naming.topic_name(key).replace("/", _NOTHING)
+        topic = f"/{self._naming.names.name(key)}".replace("/", _NOTHING)
         typed = self._naming.typed(type_name)
         return self._declare(f"{next(self._entities)}/{kind}/{self._named}/{topic}/{typed}/{qos.value}")
 

@@ -18,6 +18,7 @@ from agents.transport import (
     Received,
     Ros2Dds,
     Ros2Zenoh,
+    RosNames,
     Session,
     State,
     Stream,
@@ -35,10 +36,10 @@ BOOL, ODOMETRY = "std_msgs/msg/Bool", "nav_msgs/msg/Odometry"
 TYPES = {"rover/odom": ODOMETRY, "rover/bump/left": BOOL, "rover/status": BOOL}
 DIALECTS = {
     "plain": Plain(TYPES),
-    "dds": Ros2Dds("rover", TYPES),
-    "dds, in a namespace": Ros2Dds("rover", TYPES, "fleet/rover"),
-    "zenoh": Ros2Zenoh("rover", TYPES, messages.type_hash),
-    "zenoh, in a namespace": Ros2Zenoh("rover", TYPES, messages.type_hash, 42, "rover"),
+    "dds": Ros2Dds(RosNames("rover"), TYPES),
+    "dds, in a namespace": Ros2Dds(RosNames("rover", "fleet/rover"), TYPES),
+    "zenoh": Ros2Zenoh(RosNames("rover"), TYPES, messages.type_hash),
+    "zenoh, in a namespace": Ros2Zenoh(RosNames("rover", "rover"), TYPES, messages.type_hash, 42),
 }
 TRUE = bytes([0, 1, 0, 0, 1])
 
@@ -69,9 +70,9 @@ def test_what_is_published_is_read_as_it_was_named_and_matches_what_is_subscribe
     key = f"rover/{topic}"
     for naming in (
         Plain({key: kind}),
-        Ros2Dds("rover", {key: kind}, "ns"),
-        Ros2Zenoh("rover", {key: kind}, messages.type_hash, 3, "ns/a"),
-        Ros2Zenoh("rover", {key: kind}, messages.type_hash),
+        Ros2Dds(RosNames("rover", "ns"), {key: kind}),
+        Ros2Zenoh(RosNames("rover", "ns/a", {topic: "elsewhere"}), {key: kind}, messages.type_hash, 3),
+        Ros2Zenoh(RosNames("rover"), {key: kind}, messages.type_hash),
     ):
         wire = naming.published(key, kind)
         assert naming.read(wire) == (key, kind)
