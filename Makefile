@@ -3,9 +3,11 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+ROS_VENV := .venv-ros
+ROS_STAMP := $(ROS_VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 
-.PHONY: demo test test-fast lint bench bench-short docs install clean
+.PHONY: demo test test-fast lint bench bench-short docs install ros-venv clean
 
 install: $(STAMP)
 
@@ -49,5 +51,18 @@ bench-short: $(BENCH_STAMP)
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py
 
+# Clients of ROS 2 that the tests talk to, and `llrp ros2`: half a gigabyte, apart. What the project itself needs is
+# taken from its own environment.
+ros-venv: $(ROS_STAMP)
+
+$(ROS_STAMP): $(STAMP)
+	$(PYTHON) -m venv $(ROS_VENV)
+	$(ROS_VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-msgs ros-diagnostic-msgs \
+		eclipse-zenoh pyzeros zenoh-ros2-sdk
+	$(BIN)/python -c 'import site; print(*site.getsitepackages(), sep="\n")' \
+		> "$$($(ROS_VENV)/bin/python -c 'import site; print(site.getsitepackages()[0])')/llrp.pth"
+	@touch $(ROS_STAMP)
+
 clean:
-	rm -rf $(VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache
+	rm -rf $(VENV) $(ROS_VENV) build *.egg-info .pytest_cache .hypothesis .ruff_cache

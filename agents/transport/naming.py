@@ -39,6 +39,12 @@ class Sent(NamedTuple):
     wall_ns: int
     publisher: bytes = b""
 
+    def age_s(self) -> float:
+        """How long ago it was: on this machine, or as far as the clocks of two agree."""
+        if self.monotonic_ns is None:
+            return max(0, time.time_ns() - self.wall_ns) / 1e9
+        return (time.monotonic_ns() - self.monotonic_ns) / 1e9
+
 
 class Naming(Protocol):
     """A dialect. `key` is `<robot>/<topic>`, `wire` is what Zenoh sees."""

@@ -1,6 +1,5 @@
 """What travels with a message: its ROS type, its sender's count and clocks."""
 
-import time
 from typing import NamedTuple
 
 import zenoh
@@ -27,11 +26,7 @@ class Received(NamedTuple):
 
     def age_s(self) -> float:
         """How long ago it was sent: on this machine, or as far as clocks agree; 0 if its sender does not say."""
-        if self.sent is None:
-            return 0.0
-        if self.sent.monotonic_ns is None:
-            return max(0, time.time_ns() - self.sent.wall_ns) / 1e9
-        return (time.monotonic_ns() - self.sent.monotonic_ns) / 1e9
+        return 0.0 if self.sent is None else self.sent.age_s()
 
 
 def encoding(type_name: str) -> zenoh.Encoding:

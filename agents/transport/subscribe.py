@@ -10,6 +10,7 @@ from typing import Any, Protocol, Self, TypeVar
 import zenoh
 from zenoh import ext
 
+from agents.transport.naming import read_attachment
 from agents.transport.publish import STREAM_CACHE
 from agents.transport.ros_graph import Qos
 from agents.transport.samples import Received, received
@@ -24,6 +25,8 @@ Handler = Callable[[Received], None]
 # Messages a stream's handler may be behind before the whole session waits for it; the publishers' caches hold the rest.
 _STREAM_QUEUE = 4096
 _CLOSE_S = 0.3
+# Messages that may wait where there is patience: at 20 a second, four tenths of a second of them.
+_PATIENT_QUEUE = 8
 
 
 class Declared(Protocol[T_co]):
@@ -86,6 +89,25 @@ class Drain:
         atexit.unregister(self.close)
 
 
+class _Patient:
+    """A ring of which the next is taken while it is fresh, else the newest. What does not say its age is not fresh."""
+
+    def __init__(
+        self, declared: "zenoh.Subscriber[zenoh.handlers.RingChannel[zenoh.Sample]]", patience_s: float
+    ) -> None:
+        self._declared, self._patience_s = declared, patience_s
+        self.undeclare = declared.undeclare
+
+    def __iter__(self) -> Iterator[zenoh.Sample]:
+        for sample in self._declared:
+            sent = read_attachment(sample.attachment.to_bytes() if sample.attachment is not None else b"")
+            newest = sample
+            if sent is None or sent.age_s() > self._patience_s:
+                while (newer := self._declared.try_recv()) is not None:
+                    newest = newer
+            yield newest
+
+
 class Subscription(Drain):
     """A subscription; `close` it, or close the session.
 
@@ -123,10 +145,16 @@ class Subscription(Drain):
         super().close()
 
 
-def subscribe_latest(session: Session, key: str, handler: Handler) -> Subscription:
-    """The newest message, whenever the handler is free."""
-    declared = session.zenoh.declare_subscriber(session.naming.subscribed(key), zenoh.handlers.RingChannel(1))
-    return Subscription(session, key, Qos.LATEST, declared, handler, f"latest {key}")
+def subscribe_latest(session: Session, key: str, handler: Handler, patience_s: float = 0.0) -> Subscription:
+    """The newest message, whenever the handler is free.
+
+    With patience, those before it, too, in order, as long as they are no older than this when their turn comes: a
+    moment without the processor loses none, and a handler that is too slow for all still gets the newest.
+    """
+    depth = _PATIENT_QUEUE if patience_s else 1
+    declared = session.zenoh.declare_subscriber(session.naming.subscribed(key), zenoh.handlers.RingChannel(depth))
+    channel = _Patient(declared, patience_s) if patience_s else declared
+    return Subscription(session, key, Qos.LATEST, channel, handler, f"latest {key}")
 
 
 def subscribe_stream(session: Session, key: str, handler: Handler) -> Subscription:

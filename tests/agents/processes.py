@@ -97,12 +97,12 @@ class Agents:
     def key(self, topic: str) -> str:
         return key("thymio", topic)
 
-    def start(self, name: str, *words: str) -> None:
+    def start(self, name: str, *words: str, python: str = sys.executable) -> None:
         """`llrp WORDS` as `name`, whose last process, if any, has ended."""
         assert name not in self.processes or self.processes[name].poll() is not None
         with self.log(name).open("wb") as log:
             self.processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "agents.cli", *words, "--config", str(self.config), "--endpoint", self.endpoint],
+                [python, "-m", "agents.cli", *words, "--config", str(self.config), "--endpoint", self.endpoint],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

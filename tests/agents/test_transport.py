@@ -151,6 +151,39 @@ def test_a_slow_reader_of_frames_gets_the_newest():
         assert sorted(ages)[len(ages) // 2] < 0.1
 
 
+def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest_after_a_long_one():
+    with pair() as (first, second), Frames(first, "bot/camera", "sensor_msgs/msg/Image") as frames:
+        seen: list[int] = []
+        stall, stalled = threading.Event(), threading.Event()
+
+        def handler(message: Received) -> None:
+            seen.append(message.data[0])
+            if message.data[0] in (0, 10):
+                stalled.set()
+                stall.wait(5)
+
+        with subscribe_latest(second, "bot/camera", handler, patience_s=1e3) as subscription:
+            time.sleep(0.1)
+            for i in range(7):
+                frames.put(bytes([i]))
+                assert stalled.wait(5)
+                time.sleep(0.01)
+            stall.set()
+            assert until(lambda: seen == list(range(7)))
+            assert subscription.missed == 0
+        seen.clear()
+        stall.clear()
+        stalled.clear()
+        with subscribe_latest(second, "bot/camera", handler, patience_s=1e-9):
+            time.sleep(0.1)
+            for i in range(10, 17):
+                frames.put(bytes([i]))
+                assert stalled.wait(5)
+                time.sleep(0.01)
+            stall.set()
+            assert until(lambda: seen == [10, 16])
+
+
 def test_a_stream_is_whole_and_in_order_across_a_stall():
     count = 5000
     with pair() as (first, second), Stream(first, "bot/odom", ODOMETRY, cache=count) as stream:

@@ -19,7 +19,7 @@ from llrp_online.configuration import RobotConfiguration
 logger = logging.getLogger(__name__)
 
 #: Messages that may wait for a reader: where every one counts, where only the newest counts, and of what agents say.
-_STREAM_DEPTH, _FRAME_DEPTH, _OUT_DEPTH = 200, 2, 10
+_STREAM_DEPTH, _FRAME_DEPTH, _OUT_DEPTH = 200, 10, 10
 _LOOK_EVERY_S = 0.2
 _SPIN_S = 0.05
 
