@@ -39,6 +39,14 @@ class Declared(Protocol[T_co]):
     def __iter__(self) -> Iterator[T_co]: ...
 
 
+class Ring(Declared[zenoh.Sample], Protocol):
+    """One that can be asked without waiting."""
+
+    def try_recv(self) -> zenoh.Sample | None:
+        """The next, or None."""
+        ...
+
+
 class Drain:
     """A thread that hands everything from a channel to a handler, until the channel ends.
 
@@ -92,9 +100,7 @@ class Drain:
 class _Patient:
     """A ring of which the next is taken while it is fresh, else the newest. What does not say its age is not fresh."""
 
-    def __init__(
-        self, declared: "zenoh.Subscriber[zenoh.handlers.RingChannel[zenoh.Sample]]", patience_s: float
-    ) -> None:
+    def __init__(self, declared: Ring, patience_s: float) -> None:
         self._declared, self._patience_s = declared, patience_s
         self.undeclare = declared.undeclare
 
@@ -153,7 +159,8 @@ def subscribe_latest(session: Session, key: str, handler: Handler, patience_s: f
     """
     depth = _PATIENT_QUEUE if patience_s else 1
     declared = session.zenoh.declare_subscriber(session.naming.subscribed(key), zenoh.handlers.RingChannel(depth))
-    channel = _Patient(declared, patience_s) if patience_s else declared
+    ring: Any = declared  # its types know nothing of the channel
+    channel: Declared[zenoh.Sample] = _Patient(ring, patience_s) if patience_s else ring
     return Subscription(session, key, Qos.LATEST, channel, handler, f"latest {key}")
 
 

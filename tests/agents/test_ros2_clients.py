@@ -177,10 +177,7 @@ def test_a_drive_at_20_pictures_a_second_has_every_prediction_from_the_first_sec
             words = [ROS_PYTHON, str(ROOT / f"examples/ros2_{name}.py"), str(drive), *where]
             run = subprocess.run(words, capture_output=True, text=True, timeout=200, check=False, cwd=tmp_path)
         agents.end("perceiver")
-        print(agents.said("perceiver"))
         assert run.returncode == 0, run.stderr
-    (tmp_path / "out").write_text(run.stdout)
-    print(tmp_path, [l for l in run.stdout.splitlines() if len(l.split()) < 2][:5])
     lines = [line.split() for line in run.stdout.splitlines()]
     stamps = [int(line[1]) for line in lines if line[0] == "prediction"]
     pictures = [messages.stamp_ns(m.type, m.data) for m in read(drive) if m.type == PICTURE]
