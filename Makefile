@@ -5,10 +5,12 @@ BIN := $(VENV)/bin
 # What a robot may need; `docs` and `bench` come with the targets that want them.
 EXTRAS := sim,thymio,foxglove
 STAMP := $(VENV)/.installed
+ROS_VENV := .venv-ros
+ROS_STAMP := $(ROS_VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 
-.PHONY: demo test test-fast lint bench bench-short docs docs-site install clean
+.PHONY: demo test test-fast lint bench bench-short docs docs-site install ros-venv clean
 
 install: $(STAMP)
 
@@ -62,5 +64,18 @@ docs-site: $(DOCS_STAMP)
 	$(BIN)/zensical build --strict --clean
 	@! grep -rE '<(script|link|img)[^>]*(src|href)="(https?:)?//' build/site --include='*.html'
 
+# Clients of ROS 2 that the tests talk to, and `llrp ros2`: half a gigabyte, apart. What the project itself needs is
+# taken from its own environment.
+ros-venv: $(ROS_STAMP)
+
+$(ROS_STAMP): $(STAMP)
+	$(PYTHON) -m venv $(ROS_VENV)
+	$(ROS_VENV)/bin/pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		ros-rclpy ros-rmw-fastrtps-cpp ros-sensor-msgs ros-nav-msgs ros-geometry-msgs ros-std-msgs ros-diagnostic-msgs \
+		eclipse-zenoh pyzeros zenoh-ros2-sdk
+	$(BIN)/python -c 'import site; print(*site.getsitepackages(), sep="\n")' \
+		> "$$($(ROS_VENV)/bin/python -c 'import site; print(site.getsitepackages()[0])')/llrp.pth"
+	@touch $(ROS_STAMP)
+
 clean:
-	rm -rf $(VENV) build .cache *.egg-info .pytest_cache .hypothesis .ruff_cache
+	rm -rf $(VENV) $(ROS_VENV) build .cache *.egg-info .pytest_cache .hypothesis .ruff_cache

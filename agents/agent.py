@@ -8,9 +8,8 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import zenoh
-
-from agents.transport import announce, key, open_session, watch_elder
+from agents.naming import naming_of
+from agents.transport import Session, announce, key, open_session, watch_elder
 from llrp_online.configuration import RobotConfiguration
 from replay import compiling
 
@@ -35,7 +34,7 @@ class Agent:
         stop: set when it is to end.
     """
 
-    session: zenoh.Session
+    session: Session
     robot: str
     stop: threading.Event
 
@@ -66,7 +65,7 @@ def joined(configuration: RobotConfiguration, name: str, *, alone: bool = True) 
         elder.set()
         stop.set()
 
-    with open_session(configuration.transport.endpoint, name=name) as session:
+    with open_session(configuration.transport.endpoint, name=name, naming=naming_of(configuration)) as session:
         presence = announce(session, robot, name, since_ns)
         if alone:
             watch_elder(session, robot, name, since_ns, give_way)

@@ -25,6 +25,7 @@ COMMANDS = {
     "control": "a controller: seeks what was not met yet, or drives on predictions",
     "record": "write all of a robot's topics to an MCAP file; or a simulated drive, in virtual time",
     "foxglove": "a robot's topics, live, for the Foxglove app, as an agent",
+    "ros2": "a ROS 2 node between a robot of any middleware and its agents",
     "play": "play a recording as if it were the robot, as an agent",
     "label": "resolve the labels of a recording",
     "train": "train offline over recordings, the paper's way",

@@ -42,7 +42,9 @@ class Driver:
         self._first_ns: int | None = None
         self._newest_ns = 0
         self.drops: Counter[str] = Counter()
-        self._command = Frames(agent.session, agent.key(topics.COMMAND), topics.COMMAND_TYPE)
+        self._stamped = configuration.keys.command_stamped
+        kind = topics.spoken(configuration)[topics.COMMAND]
+        self._command = Frames(agent.session, agent.key(topics.COMMAND), kind)
         names = [configuration.odometry.topic, *configuration.range_topics]
         self._subscriptions = [subscribe_latest(agent.session, agent.key(name), self._take) for name in names]
         self._subscriptions.append(subscribe_latest(agent.session, agent.key(topics.PREDICTION), self._see))
@@ -100,4 +102,6 @@ class Driver:
         return abs(self._newest_ns - t_ns) <= self._stale_ns
 
     def _send(self, speed_m_s: float, turn_rad_s: float) -> None:
-        self._command.put(messages.encode(messages.twist(speed_m_s, turn_rad_s)))
+        speeds = speed_m_s, turn_rad_s
+        command = messages.stamped_twist(self._newest_ns, *speeds) if self._stamped else messages.twist(*speeds)
+        self._command.put(messages.encode(command))

@@ -7,20 +7,21 @@ time, its tenth, its hundredth and so on.
 
 import logging
 import math
-import re
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Header as Header
 
 from agents import messages
+from agents.fields import read_field
 from agents.messages import MessageError
+from agents.topics import ODOMETRY_TYPE, relative_topic
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.configuration.field import Field
 from llrp_online.events import Event, OdometrySample, Picture, Reading
 
 logger = logging.getLogger(__name__)
@@ -29,7 +30,6 @@ logger = logging.getLogger(__name__)
 # that a camera's owner may well want, portrait into landscape is a mistake.
 _STRETCH = 1.5
 _MOST_TOPICS = 1000  # remembered for the error that names them; a stranger on the bus must not fill the memory
-_ODOMETRY = "nav_msgs/msg/Odometry"
 _SCAN = "sensor_msgs/msg/LaserScan"
 _COMPRESSED, _IMAGE = "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image"
 
@@ -56,6 +56,7 @@ class Intake:
     Attributes:
         drops: how often something was dropped or left out, by a sentence that says where and why.
         picture_sizes: for each camera, how often pictures of which (width, height) came.
+        latest: (S,) float64, for each sensor whose field is `latest` what was said of it last; NaN before.
 
     A leading slash and the robot's name before a topic do not matter. Times are the header's, and `received_ns` where a
     message has no header.
@@ -71,6 +72,7 @@ class Intake:
 
     drops: Counter[str]
     picture_sizes: list[Counter[tuple[int, int]]]
+    latest: NDArray[np.float64]
 
     def __init__(self, configuration: RobotConfiguration) -> None:
         self.drops = Counter()
@@ -78,7 +80,6 @@ class Intake:
         self._robot = configuration.robot.name
         self._size = configuration.camera[0].width, configuration.camera[0].height
         self._sensors = len(configuration.short_range)
-        self._types = self._expected_types(configuration)
         self._takers: dict[str, list[Callable[[str, str, bytes, int], Event | None]]] = {}
         self._cameras: dict[str, int] = {}
         self._came: dict[str, str] = {}
@@ -88,26 +89,32 @@ class Intake:
             self._listen(camera.topic, self._picture)
         self._listen(configuration.odometry.topic, self._odometry)
         self._readings: dict[str, tuple[str, list[_Sensor]]] = {}
+        self._latest: dict[str, NDArray[np.int8]] = {}
+        self.latest = np.full(self._sensors, np.nan)
         for topic in configuration.range_topics:
             name = self._relative(topic)
             self._readings[name] = (
                 topic,
                 [
-                    _Sensor(index, sensor.field, _beam(sensor.field), sensor.below, sensor.above)
+                    _Sensor(index, sensor.field, sensor.way(), sensor.way().beam, sensor.below, sensor.above)
                     for index, sensor in enumerate(configuration.short_range)
                     if self._relative(sensor.topic) == name
                 ],
             )
-            self._listen(topic, self._reading)
+            latest = all(sensor.field.latest for sensor in self._readings[name][1])
+            self._listen(topic, self._remember if latest else self._reading)
 
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""
         name = self._names.get(topic) or self._relative(topic)
-        type_name = type_name or self._types.get(name, "")
         if topic not in self._came and len(self._came) < _MOST_TOPICS:
             self._came[topic], self._names[topic] = type_name, name
         found = [take(name, type_name, data, received_ns) for take in self._takers.get(name, [])]
-        return [event for event in found if event is not None]
+        events = [event for event in found if event is not None]
+        if self._latest and (sample := next((event for event in events if isinstance(event, OdometrySample)), None)):
+            # What holds is said again with every pose: silence between two events is a reading, too.
+            return [*(Reading(sample.t_ns, name, bits.copy()) for name, bits in self._latest.items()), *events]
+        return events
 
     def missing(self) -> Missing | None:
         """The configured topics that have not come so far; None if all have."""
@@ -116,13 +123,6 @@ class Intake:
         topics = tuple(topic for topic in self._takers if topic not in came)
         return Missing(topics, seen) if topics else None
 
-    def _expected_types(self, configuration: RobotConfiguration) -> dict[str, str]:
-        """What the configuration says of each topic, for senders that do not say."""
-        types = {sensor.topic: sensor.type for sensor in configuration.short_range}
-        types |= {camera.topic: camera.type for camera in configuration.camera}
-        types[configuration.odometry.topic] = _ODOMETRY
-        return {self._relative(topic): type_name for topic, type_name in types.items()}
-
     def _relative(self, topic: str) -> str:
         return relative_topic(self._robot, topic)
 
@@ -130,7 +130,7 @@ class Intake:
         self._takers.setdefault(self._relative(topic), []).append(take)
 
     def _odometry(self, topic: str, type_name: str, data: bytes, _received_ns: int) -> OdometrySample | None:
-        if not self._expect(topic, type_name, (_ODOMETRY,)):
+        if not self._expect(topic, type_name, (ODOMETRY_TYPE,)):
             return None
         try:
             if (sample := messages.quick_odometry(data)) is not None:
@@ -151,18 +151,39 @@ class Intake:
                 quick[sensor.index] = sensor.bit(scan.ranges[sensor.beam])
             else:
                 return Reading(scan.t_ns, configured, np.array(quick, np.int8))
+        values = self._values(topic, type_name, data, sensors)
+        if values is None:
+            return None
+        message, found = values
+        bits = np.full(self._sensors, -1, np.int8)
+        for sensor, value in found:
+            bits[sensor.index] = sensor.bit(value)
+        return Reading(_time_ns(message, received_ns), configured, bits) if found else None
+
+    def _remember(self, topic: str, type_name: str, data: bytes, _received_ns: int) -> None:
+        """What an event says holds from now on; it goes out with the poses that come."""
+        configured, sensors = self._readings[topic]
+        values = self._values(topic, type_name, data, sensors)
+        for sensor, value in values[1] if values is not None else ():
+            self.latest[sensor.index] = value
+            bits = self._latest.setdefault(configured, np.full(self._sensors, -1, np.int8))
+            bits[sensor.index] = sensor.bit(value)
+
+    def _values(
+        self, topic: str, type_name: str, data: bytes, sensors: list["_Sensor"]
+    ) -> tuple[object, list[tuple["_Sensor", float]]] | None:
+        """The message, and what it says of which sensor."""
         message = self._decode(topic, type_name, data)
         if message is None:
             return None
-        bits = np.full(self._sensors, -1, np.int8)
-        found = False
+        found: list[tuple[_Sensor, float]] = []
         for sensor in sensors:
             try:
-                bits[sensor.index] = sensor.bit(read_field(message, sensor.field))
-                found = True
+                value = read_field(message, sensor.field)
+                found += [] if value is None else [(sensor, value)]
             except MessageError as error:
-                self._drop(f"{topic}: no `{sensor.field}` in a {type_name}", str(error))
-        return Reading(_time_ns(message, received_ns), configured, bits) if found else None
+                self._drop(f"{topic}: no `{sensor.text}` in a {type_name}", str(error))
+        return message, found
 
     def _picture(self, topic: str, type_name: str, data: bytes, received_ns: int) -> Picture | None:
         if not self._expect(topic, type_name, (_COMPRESSED, _IMAGE)):
@@ -213,7 +234,8 @@ class Intake:
 @dataclass(frozen=True)
 class _Sensor:
     index: int
-    field: str
+    text: str
+    field: Field
     beam: int  # of a scan; -1: the field says something else
     below: float | None
     above: float | None
@@ -223,48 +245,6 @@ class _Sensor:
         if math.isnan(value):
             return -1
         return int(value < self.below) if self.below is not None else int(self.above is not None and value > self.above)
-
-
-def relative_topic(robot: str, topic: str) -> str:
-    """A topic without a leading slash and the robot's name.
-
-    >>> relative_topic("thymio", "/thymio/odom"), relative_topic("thymio", "odom")
-    ('odom', 'odom')
-    """
-    return topic.removeprefix("/").removeprefix(robot + "/")
-
-
-def read_field(message: object, field: str) -> float:
-    """The number at a path such as `ranges[3]` or `pose.position.z`; MessageError says what there is instead.
-
-    >>> read_field(messages.laser_scan(0, [1.0, 2.0], (0.0, 0.1), (0.0, 4.0)), "ranges[1]")
-    2.0
-    """
-    value: Any = message
-    for part in _parts(field):
-        try:
-            value = value[part] if isinstance(part, int) else getattr(value, part)
-        except AttributeError:
-            names = [name for name in vars(value) if not name.startswith("_")] if hasattr(value, "__dict__") else []
-            raise MessageError(f"no '{part}'; there is {', '.join(names) or type(value).__name__}") from None
-        except IndexError:
-            raise MessageError(f"no element {part}; there are {len(value)}") from None
-        except TypeError:
-            raise MessageError(f"'{part}' of a {type(value).__name__}, which is no list") from None
-    if not isinstance(value, (float, int, np.number)):
-        raise MessageError(f"expected a number, got {type(value).__name__}")
-    return float(value)
-
-
-def _beam(field: str) -> int:
-    """The number of the beam that a field such as `ranges[3]` names; -1 if it names something else."""
-    parts = _parts(field)
-    return int(parts[1]) if len(parts) == 2 and parts[0] == "ranges" and isinstance(parts[1], int) else -1
-
-
-@cache
-def _parts(field: str) -> tuple[str | int, ...]:
-    return tuple(int(part) if part.isdigit() else part for part in re.findall(r"\w+", field))
 
 
 def shape_fault(size: tuple[int, int], wanted: tuple[int, int]) -> str | None:

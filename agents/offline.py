@@ -15,7 +15,7 @@ from agents.progress import Share, nobody
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event
 from llrp_online.labeller import Labeller
-from replay.recording import Message, Reader, read
+from replay.recording import Message, Recording, read
 from replay.updates import Updates
 
 _LOG = logging.getLogger(__name__)
@@ -53,12 +53,12 @@ def messages_of(path: Path, intake: Intake) -> Iterator[tuple[Message, float]]:
     _must_have_come(path, intake)
 
 
-def shares(reader: Reader) -> Iterator[tuple[Message, float]]:
+def shares(recording: Recording) -> Iterator[tuple[Message, float]]:
     """The messages of a recording, each with the share of its time that is over."""
     first_ns: int | None = None
-    for message in reader:
+    for message in recording:
         first_ns = message.log_ns if first_ns is None else first_ns
-        span_ns = max((reader.report.last_ns or 0) - first_ns, 1)
+        span_ns = max((recording.report.last_ns or 0) - first_ns, 1)
         yield message, (message.log_ns - first_ns) / span_ns
 
 

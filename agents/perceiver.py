@@ -23,6 +23,8 @@ from llrp_online.synchroniser import Frame, Synchroniser
 _LOG = logging.getLogger(__name__)
 #: Frames the latency figures are of: a hundred seconds at 20 Hz.
 _LATENCIES = 2000
+#: A picture that waited longer is skipped for the newest; shorter stalls of a busy machine lose none.
+_PATIENCE_S = 0.2
 
 
 class Perceiver:
@@ -50,7 +52,7 @@ class Perceiver:
         self._status = State(agent.session, agent.key(topics.PERCEIVER_STATUS), topics.STATUS_TYPE)
         self._subscriptions = [subscribe_state(agent.session, agent.key(topics.WEIGHTS), self._take_weights)]
         self._subscriptions += [
-            subscribe_latest(agent.session, agent.key(camera.topic), self._take_picture)
+            subscribe_latest(agent.session, agent.key(camera.topic), self._take_picture, _PATIENCE_S)
             for camera in configuration.camera
         ]
 

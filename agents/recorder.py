@@ -14,10 +14,8 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Self
 
-import zenoh
-
 from agents import messages
-from agents.transport import Received, subscribe_all, topic
+from agents.transport import Received, Session, subscribe_all, topic
 from replay.recording import Message, RecordingError, Writer
 
 logger = logging.getLogger(__name__)
@@ -75,7 +73,7 @@ class Recorder:
         error: what the disk said, if it refused; nothing is written after that.
     """
 
-    def __init__(self, session: zenoh.Session, robot: str, path: str | Path, queue_bytes: int = _QUEUE_BYTES) -> None:
+    def __init__(self, session: Session, robot: str, path: str | Path, queue_bytes: int = _QUEUE_BYTES) -> None:
         self.path = Path(path)
         self.drops: Counter[str] = Counter()
         self.error: RecordingError | None = None

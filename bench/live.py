@@ -9,13 +9,11 @@ from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
 
-import zenoh
-
 from agents import messages, topics
 from agents.demo.fleet import Fleet
 from agents.intake import Intake
 from agents.robots.wire import ODOMETRY_TYPE, PICTURE_TYPE, RANGE_TYPE
-from agents.transport import Frames, Received, Stream, key, open_session, present, subscribe_latest
+from agents.transport import Frames, Received, Session, Stream, key, open_session, present, subscribe_latest
 from bench.synthetic import PICTURE_TOPIC, RATE_HZ, drive
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.learner import Learner
@@ -33,7 +31,7 @@ class Robot:
         latencies_s: stamp of a frame [ns] to the seconds until its prediction was sent.
     """
 
-    def __init__(self, session: zenoh.Session, name: str) -> None:
+    def __init__(self, session: Session, name: str) -> None:
         ticks = drive(_LONGEST_S, start_ns=time.time_ns())
         self._ticks = (list(tick) for _, tick in groupby(ticks, key=lambda message: message.log_ns))
         first = next(self._ticks)
@@ -74,9 +72,7 @@ class Robot:
 
 
 @contextmanager
-def together(
-    config: Path, folder: Path, endpoint: str, name: str, **agents: tuple[str, ...]
-) -> Generator[zenoh.Session]:
+def together(config: Path, folder: Path, endpoint: str, name: str, **agents: tuple[str, ...]) -> Generator[Session]:
     """A session beside these agents of the robot `name`, each by the words of its command, once all are there."""
     with open_session(endpoint, hub=True, name="bench") as session, Fleet(config, endpoint, folder) as fleet:
         for agent, words in agents.items():

@@ -5,5 +5,7 @@ One pass, in the time it takes to decode the pictures, and in constant memory: e
 
 from agents.checks.checker import Checker, check
 from agents.checks.finding import Finding, Severity
+from agents.checks.proposal import Proposal, propose
+from agents.checks.survey import Survey
 
-__all__ = ["Checker", "Finding", "Severity", "check"]
+__all__ = ["Checker", "Finding", "Proposal", "Severity", "Survey", "check", "propose"]

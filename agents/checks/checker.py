@@ -8,8 +8,10 @@ from agents.checks.finding import Finding
 from agents.checks.motion import Motion
 from agents.checks.pictures import Pictures
 from agents.checks.ranges import Range
-from agents.intake import Intake, read_field, relative_topic
+from agents.fields import read_field
+from agents.intake import Intake
 from agents.messages import MessageError
+from agents.topics import relative_topic
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Picture, Reading
 from replay.recording import Message
@@ -44,8 +46,8 @@ class Checker:
         self._motion = Motion(configuration.odometry)
         size = configuration.camera[0].width, configuration.camera[0].height
         self._pictures = [Pictures(camera.topic, size) for camera in configuration.camera]
-        self._sensors = configuration.short_range
-        self._ranges = [Range(sensor) for sensor in self._sensors]
+        self._sensors = [(sensor, sensor.way()) for sensor in configuration.short_range]
+        self._ranges = [Range(sensor) for sensor, _ in self._sensors]
         delay_s = configuration.odometry.max_delay_s
         cameras = {relative_topic(self._robot, camera.topic) for camera in configuration.camera}
         odometry = relative_topic(self._robot, configuration.odometry.topic)
@@ -84,13 +86,20 @@ class Checker:
         return sorted(found, key=lambda finding: _ORDER[finding.severity])
 
     def _add_ranges(self, message: Message, reading: Reading) -> None:
-        decoded = messages.decode(message.type, message.data)
-        for index, sensor in enumerate(self._sensors):
-            if sensor.topic == reading.topic:
-                try:
-                    self._ranges[index].add(read_field(decoded, sensor.field), int(reading.bits[index]))
-                except MessageError:
-                    continue  # counted by the intake
+        decoded: object = None
+        for index, (sensor, field) in enumerate(self._sensors):
+            if sensor.topic != reading.topic:
+                continue
+            if field.latest:
+                self._ranges[index].add(float(self._intake.latest[index]), int(reading.bits[index]))
+                continue
+            decoded = messages.decode(message.type, message.data) if decoded is None else decoded
+            try:
+                value = read_field(decoded, field)
+            except MessageError:
+                continue  # counted by the intake
+            if value is not None:
+                self._ranges[index].add(value, int(reading.bits[index]))
 
     def _missing(self) -> list[Finding]:
         missing = self._intake.missing()

@@ -50,9 +50,11 @@ class Range:
         seen = ("always NaN", self._nan), ("always infinite", self._infinite), ("always zero", self._zero)
         for what, count in seen:
             if count == self._count:
-                cause = "not connected, blind, or `field` names another sensor; infinite is also: never near anything"
                 mend = "hold a hand before it and look at the topic"
-                severity = "warning" if what == "always infinite" else "error"  # it may have met nothing
+                met_nothing = what == "always infinite" or (what == "always zero" and self._sensor.below is None)
+                severity = "warning" if met_nothing else "error"
+                cause = "not connected, blind, or `field` names another sensor"
+                cause += "; or it was never near anything" if met_nothing else ""
                 return [self._finding(severity, f"is {what} ({count} readings)", cause, mend)]
         found: list[Finding] = []
         if self._nan > _MANY_NAN_SHARE * self._count:

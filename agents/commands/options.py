@@ -15,21 +15,21 @@ N = TypeVar("N", int, float)
 _SCENARIOS = Path("configs/scenarios")
 
 
-def add_config(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """--config."""
+def add_config(parser: argparse.ArgumentParser, default: str | None = None, optional: str = "") -> None:
+    """--config; `optional` says what happens without it."""
     parser.add_argument(
         "--config",
         type=Path,
-        required=default is None,
+        required=default is None and not optional,
         default=None if default is None else Path(default),
         metavar="C.toml",
-        help="the robot's configuration" + (f" (default: {default})" if default else ""),
+        help="the robot's configuration" + (f" (default: {default})" if default else f"; {optional}" * bool(optional)),
     )
 
 
-def add_agent(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+def add_agent(parser: argparse.ArgumentParser, default: str | None = None, optional: str = "") -> None:
     """--config and --endpoint: for what lives on the bus."""
-    add_config(parser, default)
+    add_config(parser, default, optional)
     parser.add_argument("--endpoint", metavar="tcp/HOST:PORT", help="where agents meet, instead of transport.endpoint")
 
 
@@ -52,7 +52,9 @@ def load_configuration(arguments: argparse.Namespace) -> RobotConfiguration:
 
 def add_recordings(parser: argparse.ArgumentParser) -> None:
     """RECORDING..."""
-    parser.add_argument("recordings", type=Path, nargs="+", metavar="RECORDING", help="MCAP files, one trajectory each")
+    parser.add_argument(
+        "recordings", type=Path, nargs="+", metavar="RECORDING", help="MCAP files or bags, one trajectory each"
+    )
 
 
 def add_checkpoint(parser: argparse.ArgumentParser) -> None:

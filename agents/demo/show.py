@@ -7,6 +7,7 @@ from pathlib import Path
 
 from agents.demo.fleet import Fleet
 from agents.demo.watch import Watch
+from agents.naming import naming_of
 from agents.progress import ERRORS
 from agents.status import PerceiverStatus, RobotStatus
 from agents.terminal import LearnerView, Terminal
@@ -63,7 +64,7 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
     robot = configuration.robot.name
     view = LearnerView(robot, configuration.targets.build().poses)
     with (
-        open_session(endpoint, hub=True, name="demo") as session,
+        open_session(endpoint, hub=True, name="demo", naming=naming_of(configuration)) as session,
         Fleet(plan.config, endpoint, plan.output / "logs") as fleet,
         Terminal(view, ERRORS) as terminal,
     ):

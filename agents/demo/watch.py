@@ -5,11 +5,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import zenoh
-
 from agents import status, topics
 from agents.terminal import Glance, Rate
-from agents.transport import Received, key, subscribe_state
+from agents.transport import Received, Session, key, subscribe_state
 from llrp_online.status import LearnerStatus
 
 
@@ -21,7 +19,7 @@ class Watch:
         robot: its name.
     """
 
-    def __init__(self, session: zenoh.Session, robot: str) -> None:
+    def __init__(self, session: Session, robot: str) -> None:
         self._lock = threading.Lock()
         self._learner: LearnerStatus | None = None
         self._heard_s: float | None = None

@@ -4,12 +4,12 @@ Frames are REP 103's: x forward, y left, yaw counter-clockwise, metres and radia
 sensor's clock, in the message's header.
 """
 
-from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns
+from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns, type_hash
 from agents.messages.pictures import compressed_image, image, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
 from agents.messages.shortcut import flat_scan
-from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, twist
+from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, stamped_twist, twist
 
 __all__ = [
     "LabelCloud",
@@ -36,6 +36,8 @@ __all__ = [
     "read_prediction",
     "read_twist",
     "stamp_ns",
+    "stamped_twist",
     "time_ns",
     "twist",
+    "type_hash",
 ]

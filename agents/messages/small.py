@@ -8,6 +8,7 @@ from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticAr
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__DiagnosticStatus as DiagnosticStatus
 from rosbags.typesys.stores.ros2_jazzy import diagnostic_msgs__msg__KeyValue as KeyValue
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Twist as Twist
+from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistStamped as TwistStamped
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as LaserScan
 
@@ -37,12 +38,18 @@ def twist(speed_m_s: float, turn_rad_s: float) -> Twist:
     return Twist(Vector3(speed_m_s, 0.0, 0.0), Vector3(0.0, 0.0, turn_rad_s))
 
 
+def stamped_twist(t_ns: int, speed_m_s: float, turn_rad_s: float) -> TwistStamped:
+    """The same at a time, of the robot's own frame."""
+    return TwistStamped(header(t_ns, "base_link"), twist(speed_m_s, turn_rad_s))
+
+
 def read_twist(message: object) -> tuple[float, float]:
-    """Forward [m/s] and counter-clockwise [rad/s]; MessageError unless both are finite.
+    """Forward [m/s] and counter-clockwise [rad/s] of a Twist or TwistStamped; MessageError unless both are finite.
 
     >>> read_twist(twist(0.1, -0.5))
     (0.1, -0.5)
     """
+    message = message.twist if isinstance(message, TwistStamped) else message
     if not isinstance(message, Twist):
         raise MessageError(
             f"expected geometry_msgs/msg/Twist, got {getattr(message, '__msgtype__', type(message).__name__)}"

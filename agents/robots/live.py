@@ -14,7 +14,8 @@ from agents import messages, status, topics
 from agents.agent import Agent
 from agents.messages import MessageError
 from agents.robots.simulated import Observation, SimulatedRobot
-from agents.robots.wire import ODOMETRY_TYPE, PICTURE_TYPE, RANGE_TYPE, Wire
+from agents.robots.wire import PICTURE_TYPE, RANGE_TYPE, Wire
+from agents.topics import ODOMETRY_TYPE
 from agents.transport import Frames, Publisher, Received, State, Stream, subscribe_latest
 from llrp_online.configuration import RobotConfiguration
 

@@ -11,12 +11,11 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-import zenoh
-
-from agents.intake import Missing, relative_topic
+from agents.intake import Missing
 from agents.offline import shares
 from agents.progress import Share, nobody
-from agents.transport import Frames, Publisher, Stream, key
+from agents.topics import relative_topic
+from agents.transport import Frames, Publisher, Session, Stream, key
 from llrp_online.configuration import RobotConfiguration
 from replay.recording import Message, read
 
@@ -52,7 +51,7 @@ class Playback:
     """
 
     def __init__(
-        self, session: zenoh.Session, configuration: RobotConfiguration, path: str | Path, speed: float = 1.0
+        self, session: Session, configuration: RobotConfiguration, path: str | Path, speed: float = 1.0
     ) -> None:
         self.played = 0
         self.late_s = 0.0

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 from agents import messages
 from agents.robots.simulated import Observation
+from agents.topics import ODOMETRY_TYPE
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample
 from replay.recording import Message
 
-ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 RANGE_TYPE = "sensor_msgs/msg/LaserScan"
 PICTURE_TYPE = "sensor_msgs/msg/CompressedImage"
 #: High enough that what JPEG loses is less than the augmentation's noise.

@@ -7,6 +7,8 @@ Three kinds of topic, each with the publisher and the subscriber that fit it:
   for again; what stays lost is counted.
 - `State` and `subscribe_state`: the last value counts, also for those who join later (weights, status).
 
+What a topic is called on the wire is the session's business (`naming`): the plain key, or what ROS 2 calls it.
+
 One publisher a key. Each message carries its ROS type in its encoding, `application/cdr;sensor_msgs/msg/Image`, so that
 a recorder needs no table of topics; a payload that is no ROS message has no type.
 
@@ -14,11 +16,12 @@ Every handler runs in a thread of its own subscription, reading from a channel: 
 that makes frames seconds old, and one left open hangs the process at its end.
 """
 
+from agents.transport.naming import Naming, Plain, Ros2Dds, Ros2Zenoh, RosNames, Sent
 from agents.transport.presence import announce, present, watch, watch_elder
 from agents.transport.publish import Frames, Publisher, State, Stream
 from agents.transport.requests import NoAnswer, Refused, RequestError, call, serve
-from agents.transport.samples import Received, Sent
-from agents.transport.session import TransportError, free_endpoint, key, open_session, topic
+from agents.transport.samples import Received
+from agents.transport.session import Session, TransportError, free_endpoint, key, open_session, topic
 from agents.transport.subscribe import (
     Subscription,
     subscribe_all,
@@ -29,12 +32,18 @@ from agents.transport.subscribe import (
 
 __all__ = [
     "Frames",
+    "Naming",
     "NoAnswer",
+    "Plain",
     "Publisher",
     "Received",
     "Refused",
     "RequestError",
+    "Ros2Dds",
+    "Ros2Zenoh",
+    "RosNames",
     "Sent",
+    "Session",
     "State",
     "Stream",
     "Subscription",

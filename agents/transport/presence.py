@@ -5,34 +5,34 @@ from collections.abc import Callable
 
 import zenoh
 
-from agents.transport.session import key
+from agents.transport.session import Session, key
 from agents.transport.subscribe import Drain
 
 _FOLDER = "live"
 _WAITING = 256
 
 
-def announce(session: zenoh.Session, robot: str, agent: str, since_ns: int | None = None) -> zenoh.LivelinessToken:
+def announce(session: Session, robot: str, agent: str, since_ns: int | None = None) -> zenoh.LivelinessToken:
     """Says that `agent` is there until the token is undeclared, the session closes or the process dies.
 
     `since_ns`, the wall clock's time when it began, tells two of one name apart; left out, it is now.
     """
     since_ns = time.time_ns() if since_ns is None else since_ns
-    return session.liveliness().declare_token(key(robot, f"{_FOLDER}/{agent}/{since_ns}"))
+    return session.zenoh.liveliness().declare_token(key(robot, f"{_FOLDER}/{agent}/{since_ns}"))
 
 
-def present(session: zenoh.Session, robot: str, timeout_s: float = 1.0) -> set[str]:
+def present(session: Session, robot: str, timeout_s: float = 1.0) -> set[str]:
     """Names of the agents that are there now."""
-    replies = session.liveliness().get(key(robot, _FOLDER) + "/*/*", timeout=timeout_s)
+    replies = session.zenoh.liveliness().get(key(robot, _FOLDER) + "/*/*", timeout=timeout_s)
     return {_agent(reply.ok)[0] for reply in replies if reply.ok is not None}
 
 
-def watch(session: zenoh.Session, robot: str, handler: Callable[[str, bool], None]) -> Drain:
+def watch(session: Session, robot: str, handler: Callable[[str, bool], None]) -> Drain:
     """Calls `handler(agent, is_there)` for each that is there and whenever one comes or goes."""
     return _watch(session, robot, "*", lambda agent, _, is_there: handler(agent, is_there))
 
 
-def watch_elder(session: zenoh.Session, robot: str, agent: str, since_ns: int, handler: Callable[[], None]) -> Drain:
+def watch_elder(session: Session, robot: str, agent: str, since_ns: int, handler: Callable[[], None]) -> Drain:
     """Calls `handler()` when an agent of the same name is seen that was there before `since_ns`.
 
     Links between agents come one by one, so an elder may be seen a moment after the session is open.
@@ -45,8 +45,8 @@ def watch_elder(session: zenoh.Session, robot: str, agent: str, since_ns: int, h
     return _watch(session, robot, agent, compare)
 
 
-def _watch(session: zenoh.Session, robot: str, agent: str, handler: Callable[[str, int, bool], None]) -> Drain:
-    declared = session.liveliness().declare_subscriber(
+def _watch(session: Session, robot: str, agent: str, handler: Callable[[str, int, bool], None]) -> Drain:
+    declared = session.zenoh.liveliness().declare_subscriber(
         f"{key(robot, _FOLDER)}/{agent}/*", zenoh.handlers.FifoChannel(_WAITING), history=True
     )
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import zenoh
 
+from agents.transport.session import Session
 from agents.transport.subscribe import Drain
 
 _WAITING = 64
@@ -21,7 +22,7 @@ class Refused(RequestError):  # noqa: N818 - says what happened
     """The server raised; the message is its error's."""
 
 
-def serve(session: zenoh.Session, key: str, handler: Callable[[bytes], bytes]) -> Drain:
+def serve(session: Session, key: str, handler: Callable[[bytes], bytes]) -> Drain:
     """Answers requests one by one in a thread of its own; what the handler raises goes to the caller as `Refused`."""
 
     def answer(query: zenoh.Query) -> None:
@@ -33,13 +34,13 @@ def serve(session: zenoh.Session, key: str, handler: Callable[[bytes], bytes]) -
                 return
             query.reply(query.key_expr, reply)
 
-    declared = session.declare_queryable(key, zenoh.handlers.FifoChannel(_WAITING), complete=True)
+    declared = session.zenoh.declare_queryable(key, zenoh.handlers.FifoChannel(_WAITING), complete=True)
     return Drain(declared, answer, f"serve {key}")
 
 
-def call(session: zenoh.Session, key: str, payload: bytes = b"", timeout_s: float = 2.0) -> bytes:
+def call(session: Session, key: str, payload: bytes = b"", timeout_s: float = 2.0) -> bytes:
     """The reply of whoever serves `key`; NoAnswer or Refused."""
-    for reply in session.get(key, payload=payload, timeout=timeout_s):
+    for reply in session.zenoh.get(key, payload=payload, timeout=timeout_s):
         if reply.ok is not None:
             return reply.ok.payload.to_bytes()
         text = reply.err.payload.to_string() if reply.err is not None else "Timeout"

@@ -4,8 +4,13 @@ import json
 import re
 import socket
 from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
 
 import zenoh
+
+from agents.transport.naming import Naming, Plain, Ros2Zenoh
+from agents.transport.ros_graph import Qos, RosGraph
 
 # Everybody listens somewhere: agents link directly, and a hub that goes takes no link of the others with it.
 _ANY_LOOPBACK_PORT = ("tcp/127.0.0.1:0",)
@@ -16,22 +21,57 @@ class TransportError(RuntimeError):
     """Agents cannot meet; the message says where they tried."""
 
 
+class Session:
+    """A Zenoh session, and what topics are called on it. Made by `open_session`.
+
+    Attributes:
+        zenoh: the session itself.
+        naming: the dialect spoken on it.
+    """
+
+    def __init__(self, session: zenoh.Session, naming: Naming, name: str) -> None:
+        self.zenoh, self.naming = session, naming
+        self._graph = RosGraph(session, naming, f"llrp_{name}") if isinstance(naming, Ros2Zenoh) and name else None
+
+    def publishes(self, key: str, type_name: str, qos: Qos) -> zenoh.LivelinessToken | None:
+        """Tell ROS 2 so, where it can hear it; the token is to be undeclared."""
+        return self._graph.publisher(key, type_name, qos) if self._graph is not None and type_name else None
+
+    def subscribes(self, key: str, type_name: str, qos: Qos) -> zenoh.LivelinessToken | None:
+        """Tell ROS 2 so, where it can hear it; the token is to be undeclared."""
+        return self._graph.subscription(key, type_name, qos) if self._graph is not None and type_name else None
+
+    def close(self) -> None:
+        """Ends every subscription and publisher, too."""
+        self.zenoh.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
 def open_session(
     endpoint: str,
     hub: bool | None = None,
     name: str = "",
     listen: Sequence[str] = _ANY_LOOPBACK_PORT,
     lease_ms: int = 2000,
-) -> zenoh.Session:
+    naming: Naming | None = None,
+) -> Session:
     """A session of all agents that name the same endpoint, such as "tcp/127.0.0.1:7447".
 
     Args:
         endpoint: where agents meet. Whoever finds it free listens there, the others connect; once met, all have direct
             links, so that the hub may go and come back.
         hub: None: as it comes. True: listen, or TransportError. False: connect, now or as soon as somebody listens.
-        name: of the agent, for Zenoh's own tools.
+        name: of the agent, for Zenoh's own tools and for ROS 2's.
         listen: where else to listen; more than loopback opens the robot to the network, without authentication.
         lease_ms: others take this session for gone after such a silence.
+        naming: what topics are called; None: plain.
 
     Close it with `with` or `close`; that ends every subscription.
     """
@@ -40,7 +80,7 @@ def open_session(
     for hubs in [True, False] if hub is None else [hub]:
         endpoints = ([endpoint, *listen], []) if hubs else (list(listen), [endpoint])
         try:
-            return zenoh.open(_configuration(*endpoints, name, lease_ms))
+            return Session(zenoh.open(_configuration(*endpoints, name, lease_ms)), naming or Plain(), name)
         except zenoh.ZError as error:
             reasons.append(f"{'listen' if hubs else 'connect'}: {str(error).split(' at /')[0]}")
     raise TransportError(f"{endpoint}: cannot meet there; expected such as tcp/127.0.0.1:7447; {'; '.join(reasons)}")

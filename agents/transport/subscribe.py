@@ -5,13 +5,16 @@ import logging
 import threading
 from collections.abc import Callable, Iterator
 from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 import zenoh
 from zenoh import ext
 
+from agents.transport.naming import read_attachment
 from agents.transport.publish import STREAM_CACHE
+from agents.transport.ros_graph import Qos
 from agents.transport.samples import Received, received
+from agents.transport.session import Session
 
 logger = logging.getLogger(__name__)
 
@@ -22,6 +25,8 @@ Handler = Callable[[Received], None]
 # Messages a stream's handler may be behind before the whole session waits for it; the publishers' caches hold the rest.
 _STREAM_QUEUE = 4096
 _CLOSE_S = 0.3
+# Messages that may wait where there is patience: at 20 a second, four tenths of a second of them.
+_PATIENT_QUEUE = 8
 
 
 class Declared(Protocol[T_co]):
@@ -32,6 +37,14 @@ class Declared(Protocol[T_co]):
         ...
 
     def __iter__(self) -> Iterator[T_co]: ...
+
+
+class Ring(Declared[zenoh.Sample], Protocol):
+    """One that can be asked without waiting."""
+
+    def try_recv(self) -> zenoh.Sample | None:
+        """The next, or None."""
+        ...
 
 
 class Drain:
@@ -84,6 +97,23 @@ class Drain:
         atexit.unregister(self.close)
 
 
+class _Patient:
+    """A ring of which the next is taken while it is fresh, else the newest. What does not say its age is not fresh."""
+
+    def __init__(self, declared: Ring, patience_s: float) -> None:
+        self._declared, self._patience_s = declared, patience_s
+        self.undeclare = declared.undeclare
+
+    def __iter__(self) -> Iterator[zenoh.Sample]:
+        for sample in self._declared:
+            sent = read_attachment(sample.attachment.to_bytes() if sample.attachment is not None else b"")
+            newest = sample
+            if sent is None or sent.age_s() > self._patience_s:
+                while (newer := self._declared.try_recv()) is not None:
+                    newest = newer
+            yield newest
+
+
 class Subscription(Drain):
     """A subscription; `close` it, or close the session.
 
@@ -94,55 +124,81 @@ class Subscription(Drain):
 
     missed: int
 
-    def __init__(self, declared: Declared[zenoh.Sample], handler: Handler, name: str) -> None:
+    def __init__(
+        self, session: Session, key: str, qos: Qos | None, declared: Declared[zenoh.Sample], handler: Handler, name: str
+    ) -> None:
         self.missed = 0
-        self._next: dict[str, int] = {}
+        self._next: dict[tuple[str, bytes], int] = {}
+        naming = session.naming
+        self._token = None if qos is None else session.subscribes(key, naming.type_of(key), qos)
 
         def take(sample: zenoh.Sample) -> None:
-            message = received(sample)
+            message = received(sample, naming)
             if message.sent is not None:
-                sequence = message.sent.sequence
+                sequence, sender = message.sent.sequence, (message.key, message.sent.publisher)
                 # A lower number than expected is a publisher that began anew.
-                self.missed += max(0, sequence - self._next.get(message.key, sequence))
-                self._next[message.key] = sequence + 1
+                self.missed += max(0, sequence - self._next.get(sender, sequence))
+                self._next[sender] = sequence + 1
             handler(message)
 
         super().__init__(declared, take, name)
 
+    def close(self) -> None:
+        """Ends it, as any."""
+        token, self._token = self._token, None
+        if token is not None:
+            token.undeclare()
+        super().close()
 
-def subscribe_latest(session: zenoh.Session, key: str, handler: Handler) -> Subscription:
-    """The newest message, whenever the handler is free."""
-    return Subscription(session.declare_subscriber(key, zenoh.handlers.RingChannel(1)), handler, f"latest {key}")
+
+def subscribe_latest(session: Session, key: str, handler: Handler, patience_s: float = 0.0) -> Subscription:
+    """The newest message, whenever the handler is free.
+
+    With patience, those before it, too, in order, as long as they are no older than this when their turn comes: a
+    moment without the processor loses none, and a handler that is too slow for all still gets the newest.
+    """
+    depth = _PATIENT_QUEUE if patience_s else 1
+    declared = session.zenoh.declare_subscriber(session.naming.subscribed(key), zenoh.handlers.RingChannel(depth))
+    ring: Any = declared  # its types know nothing of the channel
+    channel: Declared[zenoh.Sample] = _Patient(ring, patience_s) if patience_s else ring
+    return Subscription(session, key, Qos.LATEST, channel, handler, f"latest {key}")
 
 
-def subscribe_stream(session: zenoh.Session, key: str, handler: Handler) -> Subscription:
+def subscribe_stream(session: Session, key: str, handler: Handler) -> Subscription:
     """Every message of a `Stream` in order, those first that its cache still holds."""
-    history = ext.HistoryConfig(detect_late_publishers=True, max_samples=STREAM_CACHE)
-    declared = ext.declare_advanced_subscriber(
-        session, key, zenoh.handlers.FifoChannel(_STREAM_QUEUE), history=history, recovery=_recovery()
+    declared = _recovering(
+        session, session.naming.subscribed(key), zenoh.handlers.FifoChannel(_STREAM_QUEUE), STREAM_CACHE
     )
-    return Subscription(declared, handler, f"stream {key}")
+    return Subscription(session, key, Qos.STREAM, declared, handler, f"stream {key}")
 
 
-def subscribe_state(session: zenoh.Session, key: str, handler: Handler) -> Subscription:
+def subscribe_state(session: Session, key: str, handler: Handler) -> Subscription:
     """The last value of a `State`, now and whenever it changes."""
-    history = ext.HistoryConfig(detect_late_publishers=True, max_samples=1)
-    declared = ext.declare_advanced_subscriber(
-        session, key, zenoh.handlers.RingChannel(1), history=history, recovery=_recovery()
-    )
-    return Subscription(declared, handler, f"state {key}")
+    declared = _recovering(session, session.naming.subscribed(key), zenoh.handlers.RingChannel(1), 1)
+    return Subscription(session, key, Qos.STATE, declared, handler, f"state {key}")
 
 
-def subscribe_all(session: zenoh.Session, robot: str, handler: Handler) -> Subscription:
+def subscribe_all(session: Session, robot: str, handler: Handler) -> Subscription:
     """Every message of every topic of a robot from now on, streams with what the network dropped.
 
     The handler must be quick: the whole session waits for one that is thousands of messages behind.
     """
-    declared = ext.declare_advanced_subscriber(
-        session, f"{robot}/**", zenoh.handlers.FifoChannel(_STREAM_QUEUE), recovery=_recovery()
+    everything = session.naming.everything(robot)
+    declared = _recovering(session, everything, zenoh.handlers.FifoChannel(_STREAM_QUEUE), 0)
+    return Subscription(session, everything, None, declared, handler, f"all of {robot}")
+
+
+def _recovering(
+    session: Session,
+    wire: str,
+    channel: "zenoh.handlers.FifoChannel[zenoh.Sample] | zenoh.handlers.RingChannel[zenoh.Sample]",
+    history: int,
+) -> ext.AdvancedSubscriber[Any]:
+    """Asks again for what the network dropped, and first for the last `history` messages."""
+    return ext.declare_advanced_subscriber(
+        session.zenoh,
+        wire,
+        channel,
+        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=history) if history else None,
+        recovery=ext.RecoveryConfig(heartbeat=True, periodic_queries=None),
     )
-    return Subscription(declared, handler, f"all of {robot}")
-
-
-def _recovery() -> ext.RecoveryConfig:
-    return ext.RecoveryConfig(heartbeat=True, periodic_queries=None)

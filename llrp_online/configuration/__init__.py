@@ -25,7 +25,7 @@ from llrp_online.configuration.rig import (
     ShortRange,
     Table,
 )
-from llrp_online.configuration.running import Control, Simulation, Transport
+from llrp_online.configuration.running import Control, Keys, Simulation, Transport
 from llrp_online.configuration.thymio import Thymio
 
 __all__ = ["ConfigurationError", "RobotConfiguration", "Table", "Thymio", "load", "load_toml", "validate"]
@@ -52,6 +52,7 @@ class RobotConfiguration(Table):
     simulation: Simulation | None = None
     # Left out where a configuration is written down: no result depends on how the robot is reached, and studies and
     # checkpoints know theirs by what is written.
+    keys: Keys = Field(default=Keys(), exclude=True)
     thymio: Thymio = Field(default=Thymio(), exclude=True)
 
     @property
@@ -103,6 +104,9 @@ class RobotConfiguration(Table):
             ("short_range", self.sensors, [s.swap for s in self.short_range]),
         ):
             _check_swaps(what, names, swaps)
+        for topic, sensors in self.streams.items():
+            if len({self.short_range[index].way().latest for index in sensors}) > 1:
+                raise ValueError(f"short_range: of topic {topic!r}, either every field is `latest` or none is")
         self.targets.build()  # targets that cannot be built are refused here, where the file is named
         if self.augmentation.flip > 0:
             self._can_flip()

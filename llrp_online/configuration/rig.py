@@ -1,10 +1,10 @@
 """What a robot is: its cameras, odometry, short-range sensors, targets and label rule. The keys of a robot's TOML."""
 
-import re
 from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from llrp_online.configuration.field import Field as Way
 from llrp_online.motion_noise import MotionNoise
 from replay.rule import LabelRule, OdometryLimits
 from replay.targets import Targets
@@ -81,7 +81,10 @@ class ShortRange(Table):
         pattern=r"^\w+/msg/\w+$",
         description="of its messages, where the sender does not say, as a plain ROS 2 bridge on Zenoh does not",
     )
-    field: str = Field(description="where in the message, such as `ranges[3]`, `range` or `data`")
+    field: str = Field(
+        description="where in the message: `range`, `ranges[3]`, `ranges[-15deg:15deg]`, "
+        "`readings[header.frame_id=left].value`, `latest [bumper=0].state`"
+    )
     below: float | None = Field(default=None, description="the bit is 1 below this value")
     above: float | None = Field(default=None, description="the bit is 1 above this value")
     swap: str | None = Field(default=None, description="name of the sensor that is this one's mirror image")
@@ -90,11 +93,12 @@ class ShortRange(Table):
     def _one_threshold(self) -> Self:
         if (self.below is None) == (self.above is None):
             raise ValueError("expected exactly one of `below` and `above`")
-        if not re.fullmatch(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*|\[\d+\])*", self.field):
-            raise ValueError(
-                f"field {self.field!r}: expected names and indices such as `ranges[3]` or `pose.position.z`"
-            )
+        Way.parse(self.field)
         return self
+
+    def way(self) -> Way:
+        """Its `field`, parsed."""
+        return Way.parse(self.field)
 
 
 class LineTargets(Table):

@@ -97,3 +97,29 @@ class Simulation(Table):
                 f"got {self.shutter_s:g}; close the shutter sooner, or lower rate_hz"
             )
         return self
+
+
+class Keys(Table):
+    """[keys]: what topics are called on Zenoh, and in ROS 2."""
+
+    mapping: Literal["plain", "ros2-zenoh", "ros2-dds"] = Field(
+        default="plain",
+        description="`plain`: the robot's name and the topic; `ros2-zenoh`: as rmw_zenoh; `ros2-dds`: as "
+        "zenoh-bridge-ros2dds",
+    )
+    domain: int | None = Field(
+        default=None, ge=0, le=232, description="ROS 2 domain; left out: ROS_DOMAIN_ID of the environment, else 0"
+    )
+    namespace: str = Field(
+        default="",
+        pattern=r"^([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*)?$",
+        description="ROS 2 namespace of the robot's topics: `bot1` makes `/bot1/odom` of `odom`",
+    )
+    command_topic: str = Field(
+        default="cmd_vel",
+        pattern=r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*$",
+        description="where ROS 2 takes commands, below the namespace; agents call it `cmd_vel`",
+    )
+    command_stamped: bool = Field(
+        default=False, description="commands as TwistStamped, stamped by the sensors' clock, rather than Twist"
+    )

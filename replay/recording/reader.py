@@ -4,7 +4,6 @@ import logging
 from bisect import bisect_left
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -12,49 +11,14 @@ from mcap.opcode import Opcode
 
 from replay.recording.message import Message, RecordingError
 from replay.recording.records import Definitions, messages_in, records_of, spans
+from replay.recording.report import ReadReport, Recording
 from replay.recording.scan import Piece, scan
 
 logger = logging.getLogger(__name__)
 
 
-@dataclass
-class ReadReport:
-    """How much of a file could be read; as a sentence with `str`.
-
-    Attributes:
-        path: the file.
-        size_bytes: its size.
-        whole_bytes: how far it is whole; the same as `size_bytes` if it was closed by its writer.
-        finished: whether its writer closed it.
-        last_ns: latest log time that can be read, None where no message can.
-        messages: handed out so far.
-    """
-
-    path: Path
-    size_bytes: int
-    whole_bytes: int
-    finished: bool
-    last_ns: int | None
-    messages: int = 0
-
-    @property
-    def lost_bytes(self) -> int:
-        """Bytes after the last whole chunk, which cannot be read."""
-        return self.size_bytes - self.whole_bytes
-
-    def __str__(self) -> str:
-        if self.finished:
-            return f"{self.path}: finished, {self.size_bytes} bytes"
-        reach = "no message can be read" if self.last_ns is None else f"messages up to {self.last_ns / 1e9:.3f} s"
-        return (
-            f"{self.path}: unfinished, its writer was stopped before it could close it: "
-            f"{self.whole_bytes} of {self.size_bytes} bytes are whole ({reach}), "
-            f"the last {self.lost_bytes} bytes are lost"
-        )
-
-
-class Reader(Iterator[Message]):
-    """The messages of one file in log-time order, ties in the file's order.
+class Reader(Recording):
+    """The messages of one MCAP file in log-time order, ties in the file's order.
 
     Attributes:
         report: how much of the file can be read; its `messages` counts those handed out so far.
@@ -62,8 +26,6 @@ class Reader(Iterator[Message]):
     Opening finds what is wrong with the file as a whole; a damaged chunk is found when it is reached, after the
     messages before it were handed out. Messages of another encoding than CDR are left out, with a warning a topic.
     """
-
-    report: ReadReport
 
     def __init__(self, path: str | Path) -> None:
         self._path = Path(path)
@@ -83,15 +45,10 @@ class Reader(Iterator[Message]):
         except OSError as error:
             raise RecordingError(f"{self._path}: cannot be read: {error.strerror}") from error
         last_ns = layout.last_ns if self._pieces else None
-        self.report = ReadReport(self._path, layout.size_bytes, whole_bytes, layout.finished, last_ns)
+        report = ReadReport(self._path, layout.size_bytes, whole_bytes, layout.finished, last_ns)
         if not layout.finished:
-            logger.warning("%s", self.report)
-        self._messages = self._in_order()
-
-    def __next__(self) -> Message:
-        message = next(self._messages)
-        self.report.messages += 1
-        return message
+            logger.warning("%s", report)
+        super().__init__(report, self._in_order())
 
     def _in_order(self) -> Iterator[Message]:
         """Opens a chunk when its first log time has come; only messages that a later chunk may precede wait for it."""
@@ -136,11 +93,3 @@ class Reader(Iterator[Message]):
                 f"{self._path}: damaged: the chunk at byte {piece.offset} cannot be read "
                 f"({type(error).__name__}: {error}); copy the file again from where it was recorded"
             ) from error
-
-
-def read(path: str | Path) -> Reader:
-    """A file's messages in log-time order; RecordingError where it is missing, empty, no MCAP file or damaged.
-
-    The file of a killed writer is read up to its last whole chunk; a warning, and the reader's `report`, say how much.
-    """
-    return Reader(path)

@@ -90,10 +90,7 @@ def _begin(file: BinaryIO, path: Path) -> Layout:
     file.seek(0)
     magic = file.read(len(MCAP0_MAGIC))
     if magic != MCAP0_MAGIC:
-        raise RecordingError(
-            f"{path}: not an MCAP file: it begins with {magic!r}, expected {MCAP0_MAGIC!r}; "
-            "a ROS 2 bag in SQLite can be turned into one with `ros2 bag convert`"
-        )
+        raise RecordingError(f"{path}: not an MCAP file: it begins with {magic!r}, expected {MCAP0_MAGIC!r}")
     file.seek(max(len(MCAP0_MAGIC), size_bytes - len(MCAP0_MAGIC)))
     return Layout(size_bytes, finished=file.read() == MCAP0_MAGIC)
 

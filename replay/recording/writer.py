@@ -30,7 +30,7 @@ class Writer:
     to its last whole chunk. Not for two threads at once.
 
     >>> import tempfile
-    >>> from replay.recording.reader import read
+    >>> from replay.recording import read
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "run.mcap"
     ...     with Writer(path, lambda type_name: "bool data") as writer:

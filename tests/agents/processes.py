@@ -12,6 +12,7 @@ import numpy as np
 
 from agents import messages, status, topics
 from agents.agent import PARENT
+from agents.naming import naming_of
 from agents.transport import (
     Received,
     call,
@@ -22,6 +23,7 @@ from agents.transport import (
     subscribe_state,
     subscribe_stream,
 )
+from llrp_online.configuration import load
 from llrp_online.status import LearnerStatus
 
 ROOT = Path(__file__).parents[2]
@@ -67,7 +69,8 @@ class Agents:
     def __init__(self, folder: Path, config: Path, *, hub: bool = True) -> None:
         self.folder, self.config, self.endpoint = folder, config, free_endpoint()
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self.session = open_session(self.endpoint, hub=hub, name="test")
+        naming = naming_of(load(config))
+        self.session = open_session(self.endpoint, hub=hub, name="test", naming=naming)
         self.learner: LearnerStatus | None = None
         self.perceiver: status.PerceiverStatus | None = None
         self.robot: status.RobotStatus | None = None
@@ -94,12 +97,12 @@ class Agents:
     def key(self, topic: str) -> str:
         return key("thymio", topic)
 
-    def start(self, name: str, *words: str) -> None:
+    def start(self, name: str, *words: str, python: str = sys.executable) -> None:
         """`llrp WORDS` as `name`, whose last process, if any, has ended."""
         assert name not in self.processes or self.processes[name].poll() is not None
         with self.log(name).open("wb") as log:
             self.processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "agents.cli", *words, "--config", str(self.config), "--endpoint", self.endpoint],
+                [python, "-m", "agents.cli", *words, "--config", str(self.config), "--endpoint", self.endpoint],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

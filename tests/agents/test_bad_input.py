@@ -142,7 +142,8 @@ def test_a_damaged_recording_is_named_with_the_place(llrp, whole, config, tmp_pa
     ("content", "expected"),
     [
         (b"", "empty: its writer was killed before the first chunk, or a copy failed"),
-        (b"SQLite format 3\0" * 99, "not an MCAP file: it begins with b'SQLite f', expected b'\\x89MCAP0\\r\\n'"),
+        (b"SQLite format 3\0" * 99, "a SQLite file by its first bytes; if it is a rosbag2 file, call it .db3"),
+        (b"PNG or so" * 99, "not a recording: it begins with b'PNG or s'; expected an MCAP file, a rosbag2 folder"),
     ],
 )
 def test_a_file_that_is_no_recording_is_named(llrp, config, tmp_path, run, content, expected):

@@ -229,15 +229,3 @@ def test_real_recordings_go_in_whole(name, counts, caplog):
     assert not taker.drops
     assert taker.missing() is None
     assert not caplog.text
-
-
-def test_a_sender_that_names_no_type_is_read_as_the_configuration_says():
-    """A plain ROS 2 bridge on Zenoh hands over the bytes alone."""
-    intake = Intake(load(Path(__file__).parents[2] / "configs/thymio.toml"))
-    scan = messages.encode(messages.laser_scan(5, [0.02] * 5, (-0.7, 0.7), (0.0, 0.1)))
-    odometry = messages.encode(messages.odometry(OdometrySample(6, np.zeros(3))))
-    picture = messages.encode(messages.compressed_image(7, np.zeros((64, 80, 3), np.uint8)))
-    sent = {"range": scan, "odom": odometry, "camera/image/compressed": picture}
-    events = [event for topic, data in sent.items() for event in intake.events(topic, "", data, received_ns=0)]
-    assert [type(event).__name__ for event in events] == ["Reading", "OdometrySample", "Picture"]
-    assert not intake.drops

@@ -9,13 +9,13 @@ from contextlib import contextmanager
 
 import psutil
 import pytest
-import zenoh
 
 from agents.transport import (
     Frames,
     NoAnswer,
     Received,
     Refused,
+    Session,
     State,
     Stream,
     TransportError,
@@ -51,10 +51,10 @@ def until(true: Callable[[], bool], timeout_s: float = 5.0) -> bool:
 
 
 @contextmanager
-def pair() -> Iterator[tuple[zenoh.Session, zenoh.Session]]:
+def pair() -> Iterator[tuple[Session, Session]]:
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second:
-        assert until(lambda: bool(first.info.peers_zid()))
+        assert until(lambda: bool(first.zenoh.info.peers_zid()))
         yield first, second
 
 
@@ -72,20 +72,20 @@ def test_three_agents_meet_whoever_comes_first():
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second, open_session(endpoint) as third:
         for session in (first, second, third):
-            assert until(lambda session=session: len(session.info.peers_zid()) == 2)
+            assert until(lambda session=session: len(session.zenoh.info.peers_zid()) == 2)
 
 
 def test_others_go_on_when_the_hub_goes_and_a_new_one_is_found():
     endpoint = free_endpoint()
     hub = open_session(endpoint)
     with open_session(endpoint) as second, open_session(endpoint) as third:
-        assert until(lambda: len(second.info.peers_zid()) == 2)
+        assert until(lambda: len(second.zenoh.info.peers_zid()) == 2)
         hub.close()
         found: list[Received] = []
         with subscribe_latest(third, "bot/a", found.append), Frames(second, "bot/a", ODOMETRY) as publisher:
             assert until(lambda: publisher.put(b"x") or bool(found))
         with open_session(endpoint, hub=True) as new:
-            assert until(lambda: len(new.info.peers_zid()) == 2)
+            assert until(lambda: len(new.zenoh.info.peers_zid()) == 2)
 
 
 def test_an_endpoint_that_cannot_be_is_an_error():
@@ -99,7 +99,7 @@ def test_an_endpoint_that_cannot_be_is_an_error():
 def test_only_loopback_is_listened_on():
     with open_session(free_endpoint()) as session:
         mine = [c.laddr.ip for c in psutil.Process().net_connections("inet") if c.status == psutil.CONN_LISTEN]
-        assert session.info.peers_zid() == []
+        assert session.zenoh.info.peers_zid() == []
         assert set(mine) == {"127.0.0.1"}
 
 
@@ -123,7 +123,9 @@ def test_a_message_carries_type_count_and_clocks():
 
 def test_a_message_of_a_stranger_has_no_count():
     with pair() as (first, second):
-        found = receive(subscribe_latest, second, "bot/x", 1, lambda: first.put("bot/x", b"1", attachment=b"other"))
+        found = receive(
+            subscribe_latest, second, "bot/x", 1, lambda: first.zenoh.put("bot/x", b"1", attachment=b"other")
+        )
     assert found == [Received("bot/x", "", b"1", None)]
     assert found[0].age_s() == 0.0
 
@@ -147,6 +149,39 @@ def test_a_slow_reader_of_frames_gets_the_newest():
         assert len(seen) < 60
         assert subscription.missed == 150 - len(seen) - seen[0]
         assert sorted(ages)[len(ages) // 2] < 0.1
+
+
+def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest_after_a_long_one():
+    with pair() as (first, second), Frames(first, "bot/camera", "sensor_msgs/msg/Image") as frames:
+        seen: list[int] = []
+        stall, stalled = threading.Event(), threading.Event()
+
+        def handler(message: Received) -> None:
+            seen.append(message.data[0])
+            if message.data[0] in (0, 10):
+                stalled.set()
+                stall.wait(5)
+
+        with subscribe_latest(second, "bot/camera", handler, patience_s=1e3) as subscription:
+            time.sleep(0.1)
+            for i in range(7):
+                frames.put(bytes([i]))
+                assert stalled.wait(5)
+                time.sleep(0.01)
+            stall.set()
+            assert until(lambda: seen == list(range(7)))
+            assert subscription.missed == 0
+        seen.clear()
+        stall.clear()
+        stalled.clear()
+        with subscribe_latest(second, "bot/camera", handler, patience_s=1e-9):
+            time.sleep(0.1)
+            for i in range(10, 17):
+                frames.put(bytes([i]))
+                assert stalled.wait(5)
+                time.sleep(0.01)
+            stall.set()
+            assert until(lambda: seen == [10, 16])
 
 
 def test_a_stream_is_whole_and_in_order_across_a_stall():

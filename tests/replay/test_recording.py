@@ -230,7 +230,8 @@ def test_a_damaged_chunk_is_named_after_the_messages_before_it(tmp_path):
     [
         (None, "cannot be read: No such file"),
         (b"", "empty"),
-        (b"SQLite format 3\0", "not an MCAP file"),
+        (b"SQLite format 3\0", "a SQLite file by its first bytes; if it is a rosbag2 file, call it .db3"),
+        (b"PNG", "not a recording: it begins with b'PNG'; expected an MCAP file, a rosbag2 folder"),
         (b"\x89MC", "not an MCAP file"),
     ],
 )
