@@ -22,6 +22,7 @@ COMMANDS = {
     "record": "write all of a robot's topics to an MCAP file; or a simulated drive, in virtual time",
     "play": "play a recording as if it were the robot, as an agent",
     "label": "resolve the labels of a recording",
+    "explain": "why the labels of one frame are what they are: which reading gave each",
     "train": "train offline over recordings, the paper's way",
     "evaluate": "AUC of a checkpoint for every target and sensor, with intervals",
     "window": "how long your robot's odometry may be trusted, from its recordings",
