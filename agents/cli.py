@@ -19,6 +19,7 @@ COMMANDS = {
     "learn": "the learner: live on a robot, or over recordings",
     "perceive": "predictions from the newest frame and the newest weights, as an agent",
     "control": "a controller: explore, random walk, or driving on predictions alone, as an agent",
+    "dashboard": "what the robot sees, learns and why, in a browser, as an agent",
     "record": "write all of a robot's topics to an MCAP file; or a simulated drive, in virtual time",
     "play": "play a recording as if it were the robot, as an agent",
     "label": "resolve the labels of a recording",

@@ -30,6 +30,7 @@ class LearnerStatus:
         paused: told to.
         sizes: rows of every ring and memory, and the bytes of the pictures waiting, by name.
         backlog: messages that have come and are not taken in yet.
+        kept: versions that it can roll back to, oldest first.
     """
 
     robot_s: float
@@ -51,6 +52,7 @@ class LearnerStatus:
     paused: bool
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     backlog: int = 0
+    kept: list[int] = field(default_factory=list[int])
 
 
 def whole_minutes(robot_s: float) -> int:

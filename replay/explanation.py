@@ -57,9 +57,7 @@ def explain(store: Store, row: int, noise: StepNoise | None) -> Explanation:
     frames = store.frames.columns
     sensors, targets = frames.labels.shape[2], len(store.places.x_m)
     t_ns, posed = int(frames.t_ns[row]), bool(frames.trajectory[row] >= 0)
-    labels = frames.labels[row].copy()
-    drift = frames.weight.shape[1] > 0
-    weight = frames.weight[row].copy() if drift else (labels != UNKNOWN).astype(np.float32)
+    _, labels, weight = labels_at(store, row)
     when = np.full((targets, sensors), -1, np.int64)
     numbers = np.full((4, targets, sensors), np.nan)
     pose = _pose(frames, np.array([row]))[0] if posed else None
@@ -76,6 +74,15 @@ def explain(store: Store, row: int, noise: StepNoise | None) -> Explanation:
             when[target[speaks], sensor[speaks]] = readings.t_ns[rows[speaks]]
             numbers[:, target[speaks], sensor[speaks]] = found[:, speaks]
     return Explanation(t_ns, pose, labels, weight, when, *numbers)
+
+
+def labels_at(store: Store, row: int) -> tuple[int, NDArray[np.int8], NDArray[np.float32]]:
+    """Id, labels (T, S) and weights (T, S) of the frame at this row, so far."""
+    frames = store.frames.columns
+    labels = frames.labels[row].copy()
+    drift = frames.weight.shape[1] > 0
+    weight = frames.weight[row].copy() if drift else (labels != UNKNOWN).astype(np.float32)
+    return int(frames.frame_id[row]), labels, weight
 
 
 def _pose(columns: Any, rows: Whole) -> Floats:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from replay.clock import Clock, Clocks
 from replay.compiled_labels import Solvers
-from replay.explanation import Explanation, explain
+from replay.explanation import Explanation, explain, labels_at
 from replay.poses import Floats
 from replay.ring import Ring
 from replay.rule import LabelRule, OdometryLimits
@@ -159,19 +159,15 @@ class TrajectoryStore:
 
     def labels_at(self, t_ns: int) -> tuple[int, NDArray[np.int8], NDArray[np.float32]] | None:
         """Id, labels (T, S) and weights (T, S), so far, of the frame taken at this time; None if none waits."""
-        found = self.explain(t_ns, sure=False)
-        if found is None:
-            return None
-        return int(self._frames.columns.frame_id[self._frames.from_ns(t_ns)]), found.labels, found.weight
-
-    def explain(self, t_ns: int, *, sure: bool = True) -> Explanation | None:
-        """Why the labels so far of the frame taken at this time are what they are; None if no such frame waits.
-
-        Without `sure` nothing is said of how well odometry knew it, which takes the most time.
-        """
         if not self._frames.has(t_ns):
             return None
-        return explain(self._store, self._frames.from_ns(t_ns), self._noise if sure else None)
+        return labels_at(self._store, self._frames.from_ns(t_ns))
+
+    def explain(self, t_ns: int) -> Explanation | None:
+        """Why the labels so far of the frame taken at this time are what they are; None if no such frame waits."""
+        if not self._frames.has(t_ns):
+            return None
+        return explain(self._store, self._frames.from_ns(t_ns), self._noise)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that waits, as arrays that `restore` takes back exactly."""

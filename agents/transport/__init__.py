@@ -7,6 +7,8 @@ Three kinds of topic, each with the publisher and the subscriber that fit it:
   for again; what stays lost is counted.
 - `State` and `subscribe_state`: the last value counts, also for those who join later (weights, status).
 
+Whoever only looks on, at a pace of its own, takes from `Polled`.
+
 One publisher a key. Each message carries its ROS type in its encoding, `application/cdr;sensor_msgs/msg/Image`, so that
 a recorder needs no table of topics; a payload that is no ROS message has no type.
 
@@ -20,6 +22,7 @@ from agents.transport.requests import NoAnswer, Refused, RequestError, call, ser
 from agents.transport.samples import Received, Sent
 from agents.transport.session import TransportError, free_endpoint, key, open_session, topic
 from agents.transport.subscribe import (
+    Polled,
     Subscription,
     subscribe_all,
     subscribe_latest,
@@ -30,6 +33,7 @@ from agents.transport.subscribe import (
 __all__ = [
     "Frames",
     "NoAnswer",
+    "Polled",
     "Publisher",
     "Received",
     "Refused",

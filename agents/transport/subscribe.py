@@ -110,6 +110,30 @@ class Subscription(Drain):
         super().__init__(declared, take, name)
 
 
+class Polled:
+    """The newest messages of a key, taken when it suits: no thread, and no work while nobody takes.
+
+    Args:
+        session: of Zenoh.
+        key: with the robot's name.
+        depth: so many are kept; older ones make room.
+    """
+
+    def __init__(self, session: zenoh.Session, key: str, depth: int) -> None:
+        self._declared = session.declare_subscriber(key, zenoh.handlers.RingChannel(depth))
+
+    def take(self) -> list[Received]:
+        """What has come since the last time, oldest first."""
+        found: list[Received] = []
+        while (sample := self._declared.try_recv()) is not None:
+            found.append(received(sample))
+        return found
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._declared.undeclare()
+
+
 def subscribe_latest(session: zenoh.Session, key: str, handler: Handler) -> Subscription:
     """The newest message, whenever the handler is free."""
     return Subscription(session.declare_subscriber(key, zenoh.handlers.RingChannel(1)), handler, f"latest {key}")
