@@ -45,7 +45,7 @@ class Entry:
         end_s: of the robot's life.
         before: at its start.
         after: at its end.
-        bands: near to far; None while nobody has asked, or the prequential window holds none of its frames.
+        bands: near to far; None while nobody has asked, empty if the prequential window held none of its frames.
         scored_s: the robot's life when `bands` were worked out.
     """
 
@@ -114,7 +114,8 @@ class Diary:
 
         def work_out(entry: Entry) -> None:
             first, end = entry.before.frame_id, entry.after.frame_id
-            entry.bands = [Interval(*found) for found in prequential.intervals(first, end, rounds)] or entry.bands
+            found = [Interval(*interval) for interval in prequential.intervals(first, end, rounds)]
+            entry.bands = found or entry.bands or []
             entry.scored_s = lived_s
 
         open_ = [entry for entry in self.entries if entry.scored_s < entry.end_s + self._settle_s]

@@ -143,8 +143,8 @@ class Collector:
             for index, name in enumerate(self._cameras):
                 for message in came[name]:
                     self.sights.add(index, message)
-            for message in came[topics.PREDICTION]:
-                self._predicted(message)
+            # The newest of a picture that is kept; those before it are not looked at.
+            any(self._predicted(message) for message in reversed(came[topics.PREDICTION]))
             self._show_newest(now_s)
             self._mind_the_camera(now_s)
             if now_s - self._slowly_s >= _SLOWLY_S:
@@ -165,19 +165,21 @@ class Collector:
             elif isinstance(event, Reading):
                 self.ground.reading(event)
 
-    def _predicted(self, message: Received) -> None:
+    def _predicted(self, message: Received) -> bool:
+        """Show a prediction with the picture it was made of; False if it cannot be."""
         try:
             cloud: PredictionCloud = messages.read_prediction(messages.decode(message.type, message.data))
         except MessageError:
-            return
+            return False
         if cloud.probabilities.shape != self._outputs or not np.isfinite(cloud.probabilities).all():
-            return
+            return False
         shots = self.sights.at(cloud.t_ns)
         if shots is None:
-            return
+            return False
         self.prediction = np.round(cloud.probabilities.clip(0, 1) * 255).astype(np.uint8)
         self.prediction_ns, self.shots, self.predicted = cloud.t_ns, shots, True
         self.pasts.offer(cloud.t_ns, self.ground.robot_s(cloud.t_ns), shots, self.prediction)
+        return True
 
     def _show_newest(self, now_s: float) -> None:
         """Without a prediction of late, the newest pictures are shown all the same."""

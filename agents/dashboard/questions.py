@@ -20,6 +20,7 @@ from agents.transport import RequestError, call, key
 _LOG = logging.getLogger(__name__)
 _LABELS_EVERY_S = 0.5
 _CURVES_EVERY_S = 5.0
+_UNFINISHED_S = 1.0
 _MEMORY_EVERY_S = 5.0
 _TIMEOUT_S = 5.0
 #: Open frames asked about at once: the newest, and as many of the others in turn.
@@ -104,6 +105,9 @@ class Questions:
         if self._is_due("curves", _CURVES_EVERY_S):
             self.curves = self.ask("curves")
             self.revision += 1
+            # The learner works out a few minutes' scores at one asking: of a long run it is asked again and again.
+            if any(minute["bands"] is None for minute in self.curves["minutes"]):
+                self._due_s["curves"] = time.monotonic() + _UNFINISHED_S
         if self._is_due("memory", _MEMORY_EVERY_S):
             self.memory = self.ask("memory", pictures=_PICTURES)
             self.revision += 1

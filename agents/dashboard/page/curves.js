@@ -29,7 +29,7 @@ export class Curves {
 
   draw(anew) {
     if (!this.told || !this.minutes.length) return;
-    const scored = this.minutes.find((minute) => minute.bands);
+    const scored = this.minutes.find((minute) => minute.bands?.length);
     const bands = scored ? scored.bands.map(({ low_m, high_m }) => `${low_m.toFixed(2)}–${high_m.toFixed(2)} m`) : [];
     const signature = bands.join();
     if (anew || signature !== this.signature || !this.plots.auc) this.build(bands);

@@ -6,7 +6,15 @@ import { draw, felt, predicted } from "./cells.js";
 export class Explain {
   constructor() {
     this.dialog = $("explain");
-    this.dialog.addEventListener("close", () => history.replaceState(null, "", location.pathname));
+    this.from = null;
+    $("explain-close").addEventListener("click", () => this.close());
+    document.addEventListener("keydown", (event) => event.key === "Escape" && this.dialog.open && this.close());
+  }
+
+  close() {
+    this.dialog.close();
+    history.replaceState(null, "", location.pathname);
+    this.from?.focus();
   }
 
   hello(hello, plan) {
@@ -19,7 +27,11 @@ export class Explain {
   async open(key) {
     const body = $("explain-body");
     body.replaceChildren(make("p", { className: "hint" }, "Asking the learner…"));
-    if (!this.dialog.open) this.dialog.showModal();
+    if (!this.dialog.open) {
+      this.from = document.activeElement;
+      this.dialog.show();
+      $("explain-close").focus();
+    }
     history.replaceState(null, "", `#frame=${key}`);
     const reply = await fetch(`/explain/${key}`).catch(() => null);
     const found = reply ? await reply.json() : { error: "the dashboard does not answer" };

@@ -14,9 +14,11 @@ import { Why } from "./why.js";
 
 const SILENT_S = 1.5;
 
-const explain = new Explain();
+const controls = new Controls();
 const curves = new Curves();
-const parts = [new Controls(), new Now(), new Why(), new Film((key) => explain.open(key)), new Ground(), curves, new Memory(), explain];
+// Controls first: their Escape stops the robot unless the explanation is open, whose Escape then closes it.
+const explain = new Explain();
+const parts = [controls, new Now(), new Why(), new Film((key) => explain.open(key)), new Ground(), curves, new Memory(), explain];
 let about = null;
 
 function hello(told) {
