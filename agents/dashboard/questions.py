@@ -103,10 +103,11 @@ class Questions:
         if self._is_due("labels", _LABELS_EVERY_S):
             self._ask_labels()
         if self._is_due("curves", _CURVES_EVERY_S):
-            self.curves = self.ask("curves")
+            curves = self.ask("curves")
+            self.curves = curves
             self.revision += 1
             # The learner works out a few minutes' scores at one asking: of a long run it is asked again and again.
-            if any(minute["bands"] is None for minute in self.curves["minutes"]):
+            if any(minute["bands"] is None for minute in curves["minutes"]):
                 self._due_s["curves"] = time.monotonic() + _UNFINISHED_S
         if self._is_due("memory", _MEMORY_EVERY_S):
             self.memory = self.ask("memory", pictures=_PICTURES)
