@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 # What a robot may need; `docs` and `bench` come with the targets that want them.
-EXTRAS := sim,thymio,foxglove
+EXTRAS := sim,dashboard,thymio,foxglove
 STAMP := $(VENV)/.installed
 ROS_VENV := .venv-ros
 ROS_STAMP := $(ROS_VENV)/.installed

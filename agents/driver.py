@@ -1,20 +1,23 @@
 """The control agent: one command for each odometry message, from the newest bits and the newest prediction.
 
 What is older than `transport.stale_s`, by the sensors' clock, does not count; a controller without what it needs stops.
+While a person's stop holds, the controller is not asked, and the command is to stand still.
 """
 
 import threading
 from collections import Counter
+from dataclasses import asdict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents import messages, topics
+from agents import messages, status, topics
 from agents.agent import Agent
 from agents.controllers import Controller
+from agents.halt import Halt
 from agents.intake import Intake
 from agents.messages import MessageError
-from agents.transport import Frames, Received, subscribe_latest
+from agents.transport import Frames, Received, State, subscribe_latest
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Reading
 
@@ -26,10 +29,13 @@ class Driver:
         agent: on whose session it lives.
         configuration: the robot's.
         controller: decides; called from one thread.
+        behaviour: what it is called.
     """
 
-    def __init__(self, agent: Agent, configuration: RobotConfiguration, controller: Controller) -> None:
-        self._controller = controller
+    def __init__(
+        self, agent: Agent, configuration: RobotConfiguration, controller: Controller, behaviour: str = ""
+    ) -> None:
+        self._controller, self._behaviour = controller, behaviour
         self._outputs = (len(configuration.targets.build()), len(configuration.sensors))
         self._stale_ns = round(configuration.transport.stale_s * 1e9)
         self._intake = Intake(configuration)
@@ -45,6 +51,8 @@ class Driver:
         self._stamped = configuration.keys.command_stamped
         kind = topics.spoken(configuration)[topics.COMMAND]
         self._command = Frames(agent.session, agent.key(topics.COMMAND), kind)
+        self._status = State(agent.session, agent.key(topics.CONTROLLER_STATUS), topics.STATUS_TYPE)
+        self._halt = Halt(agent.session, agent.robot, self._halted)
         names = [configuration.odometry.topic, *configuration.range_topics]
         self._subscriptions = [subscribe_latest(agent.session, agent.key(name), self._take) for name in names]
         self._subscriptions.append(subscribe_latest(agent.session, agent.key(topics.PREDICTION), self._see))
@@ -54,10 +62,16 @@ class Driver:
         """Sensor time since the first odometry message."""
         return 0.0 if self._first_ns is None else (self._newest_ns - self._first_ns) * 1e-9
 
+    def report(self) -> None:
+        """Publish the status; not for two threads at once."""
+        now = status.ControllerStatus(self._behaviour, self.robot_s, self._halt.holds)
+        self._status.put(status.encode("controller", self._newest_ns, asdict(now)))
+
     def close(self) -> None:
         """Listen no more, and tell the robot to stand still."""
         for subscription in self._subscriptions:
             subscription.close()
+        self._halt.close()
         with self._turn:  # a message that is being handled must not have the last word
             self._closed = True
             self._send(0.0, 0.0)
@@ -84,6 +98,12 @@ class Driver:
         with self._turn:
             self._prediction, self._prediction_ns = cloud.probabilities, cloud.t_ns
 
+    def _halted(self) -> None:
+        """At once, not with the next odometry."""
+        with self._turn:
+            if self._halt.holds and not self._closed:
+                self._send(0.0, 0.0)
+
     def _feel(self, reading: Reading) -> None:
         # Each topic speaks for some of the sensors; the others keep what they said last.
         before = np.full_like(reading.bits, -1) if self._bits is None else self._bits
@@ -93,6 +113,9 @@ class Driver:
     def _decide(self, sample: OdometrySample) -> None:
         self._first_ns = sample.t_ns if self._first_ns is None else self._first_ns
         self._newest_ns = sample.t_ns
+        if self._halt.holds:
+            self._send(0.0, 0.0)
+            return
         bits = self._bits if self._is_fresh(self._bits_ns) else None
         prediction = self._prediction if self._is_fresh(self._prediction_ns) else None
         self._send(*self._controller.command(sample.t_ns, sample.pose, bits, prediction))

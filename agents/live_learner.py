@@ -1,19 +1,16 @@
 """The learner agent: subscribes to a robot's sensors, learns in the background, publishes weights and status."""
 
-import inspect
-import json
 import logging
 import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 from agents import messages, status, topics, weights
 from agents.agent import Agent, joined
 from agents.intake import Intake
+from agents.learner_commands import obey
 from agents.offline import report_drops
 from agents.transport import Frames, Received, State, Subscription, serve, subscribe_stream
 from llrp_online.background import BackgroundLearner, Listeners
@@ -45,7 +42,7 @@ def learn_live(learner: Learner, on_minute: Callable[[int], None]) -> None:
         listeners = Listeners(weights=voice.weights, status=voice.status, labels=voice.labels)
         background = stack.enter_context(BackgroundLearner(learner, lambda m: _events(intake, m), listeners))
         command = agent.key(topics.LEARNER_COMMAND)
-        stack.enter_context(serve(agent.session, command, lambda data: _obey(background, data)))
+        stack.enter_context(serve(agent.session, command, lambda data: obey(background.call, data)))
         names = [configuration.odometry.topic, *configuration.range_topics, *(c.topic for c in configuration.camera)]
         for name in names:
             subscription = subscribe_stream(agent.session, agent.key(name), background.submit)
@@ -115,64 +112,3 @@ class _Voice:
         self._labels_s = time.monotonic()
         cloud = messages.labels(t_ns, self._targets, self._sensors, updates.labels[-1], updates.weight[-1])
         self._labels.put(messages.encode(cloud))
-
-
-def _obey(background: BackgroundLearner, data: bytes) -> bytes:
-    """A request such as {"command": "save", "path": "runs/a"}; the reply is JSON too."""
-    name, command, arguments = _understood(data)
-    result = background.call(lambda learner: command(learner, **arguments))
-    return json.dumps({"command": name, "result": result}).encode()
-
-
-def _understood(data: bytes) -> tuple[str, Callable[..., Any], dict[str, Any]]:
-    """Name, command and its arguments; ValueError says what was expected."""
-    try:
-        request = json.loads(data)
-    except ValueError as error:
-        raise ValueError(f'a request is JSON such as {{"command": "pause"}}, got {data[:40]!r}') from error
-    if not isinstance(request, dict) or request.get("command") not in list(_COMMANDS):
-        raise ValueError(f'expected {{"command": one of {sorted(_COMMANDS)}, ...}}, got {request!r}')
-    name = str(request.pop("command"))
-    wanted = {key: value.annotation for key, value in list(inspect.signature(_COMMANDS[name]).parameters.items())[1:]}
-    if {key: type(value) for key, value in request.items()} != wanted:
-        words = ", ".join(f"{key} ({kind.__name__})" for key, kind in wanted.items()) or "nothing else"
-        raise ValueError(f"{name}: expected {words} beside the command, got {request!r}")
-    return name, _COMMANDS[name], request
-
-
-def _pause(learner: Learner) -> bool:
-    learner.paused = True
-    return learner.paused
-
-
-def _resume(learner: Learner) -> bool:
-    learner.paused = False
-    return learner.paused
-
-
-def _save(learner: Learner, path: str) -> str:
-    learner.save(Path(path))
-    return path
-
-
-def _load(learner: Learner, path: str) -> str:
-    learner.load(Path(path))
-    return path
-
-
-def _reset(learner: Learner) -> None:
-    learner.reset()
-
-
-def _roll_back(learner: Learner, version: int) -> int:
-    return learner.roll_back(version).number
-
-
-_COMMANDS: dict[str, Callable[..., Any]] = {
-    "pause": _pause,
-    "resume": _resume,
-    "save": _save,
-    "load": _load,
-    "reset": _reset,
-    "roll_back": _roll_back,
-}

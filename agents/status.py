@@ -42,11 +42,28 @@ class RobotStatus:
         robot_s: sensor time since it began.
         collisions: contacts so far.
         metres: driven so far, truly.
+        stopped: it stands still because a person said so.
     """
 
     robot_s: float
     collisions: int
     metres: float
+    stopped: bool = False
+
+
+@dataclass(frozen=True)
+class ControllerStatus:
+    """What a controller says of itself.
+
+    Attributes:
+        behaviour: its name.
+        robot_s: sensor time since it began.
+        stopped: it commands standing still because a person said so.
+    """
+
+    behaviour: str
+    robot_s: float
+    stopped: bool
 
 
 @dataclass(frozen=True)

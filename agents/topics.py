@@ -5,6 +5,8 @@ from llrp_online.configuration import RobotConfiguration
 COMMAND = "cmd_vel"
 COMMAND_TYPE = "geometry_msgs/msg/Twist"
 STAMPED_COMMAND_TYPE = "geometry_msgs/msg/TwistStamped"
+STOP = "stop"
+STOP_TYPE = "std_msgs/msg/Bool"
 PREDICTION = "prediction"
 LABELS = "labels"
 CLOUD_TYPE = "sensor_msgs/msg/PointCloud2"
@@ -12,6 +14,7 @@ WEIGHTS = "learner/weights"
 LEARNER_COMMAND = "learner/command"
 LEARNER_STATUS = "learner/status"
 PERCEIVER_STATUS = "perceiver/status"
+CONTROLLER_STATUS = "controller/status"
 ROBOT_STATUS = "robot/status"
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
@@ -21,10 +24,12 @@ def spoken(configuration: RobotConfiguration) -> dict[str, str]:
     """What agents say in ROS messages, with the types; weights and requests are none."""
     return {
         COMMAND: STAMPED_COMMAND_TYPE if configuration.keys.command_stamped else COMMAND_TYPE,
+        STOP: STOP_TYPE,
         PREDICTION: CLOUD_TYPE,
         LABELS: CLOUD_TYPE,
         LEARNER_STATUS: STATUS_TYPE,
         PERCEIVER_STATUS: STATUS_TYPE,
+        CONTROLLER_STATUS: STATUS_TYPE,
         ROBOT_STATUS: STATUS_TYPE,
     }
 

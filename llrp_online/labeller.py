@@ -53,9 +53,17 @@ class Labeller:
         first_id: of the frames to come; above every id a restored memory holds.
         only_closed: tell of each frame once, when its window has closed, and keep no picture: an `Outcome` shows each
             as it comes in.
+        explain_ns: time of a frame to explain when it closes; see `TrajectoryStore.explained`.
     """
 
-    def __init__(self, configuration: RobotConfiguration, first_id: int = 0, *, only_closed: bool = False) -> None:
+    def __init__(
+        self,
+        configuration: RobotConfiguration,
+        first_id: int = 0,
+        *,
+        only_closed: bool = False,
+        explain_ns: int | None = None,
+    ) -> None:
         streams = configuration.streams
         # None: the stream speaks for all sensors.
         self._streams = {
@@ -72,6 +80,7 @@ class Labeller:
             odometry.noise(),
             budget_bytes=round(configuration.memory.store_mb * 1e6),
             only_closed=only_closed,
+            explain_ns=explain_ns,
         )
         self._only_closed, self._trust_covariance = only_closed, odometry.trust_covariance
         self.next_id = first_id

@@ -16,6 +16,7 @@ from llrp_online.architecture import Weights
 from llrp_online.calibration import Calibration
 from llrp_online.calibrator import Calibrator
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.diary import Diary, Entry, Totals
 from llrp_online.drift import DriftDetector, DriftEvent
 from llrp_online.events import Event, OdometrySample
 from llrp_online.held_out import HeldFrame, HeldOut
@@ -78,6 +79,9 @@ class Learner:
         self.closed_counts = np.zeros((*outputs, 2), np.int64)
         self.alarms = self._frames = self._labelled = 0
         self._loss: float | None = None
+        self._loss_sum = 0.0
+        self.diary = Diary(configuration.labels.window_s + configuration.odometry.max_delay_s)
+        self.drift_lived_s: deque[float] = deque(maxlen=_EVENTS)
 
     # --- the loop: take events, then take the steps that are due
 
@@ -104,6 +108,7 @@ class Learner:
         if batch is None:
             return None
         self._loss = self.trainer.step(batch, self.buffer.class_counts)
+        self._loss_sum += self._loss
         if not self.publisher.due(self._lived_ns):
             return None
         now_ns = self._lived_ns
@@ -125,6 +130,8 @@ class Learner:
         return not self.paused and len(self.buffer) >= self.configuration.training.warmup_frames
 
     def _predict(self, frame: NewFrame) -> None:
+        if self.diary.is_due(self.pace.lived_s):
+            self.diary.note(self.pace.lived_s, self._totals(frame.frame_id))
         self._frames += 1
         if self.predictor.version is not None:
             self.prequential.predicted(frame.frame_id, self.predictor.predict(frame.picture).probabilities)
@@ -153,6 +160,7 @@ class Learner:
         for row, losses in self.prequential.resolved(updates.frame_ids, updates.labels, updates.closed).items():
             events = self._drift.update(int(updates.t_ns[row]), losses)
             self.drift_events.extend(events)
+            self.drift_lived_s.extend([self.pace.lived_s] * len(events))
             self.alarms += len(events)
             if events:
                 self.publisher.mark()  # what it knew before the change stays within reach
@@ -214,8 +222,28 @@ class Learner:
             drift_events=self.alarms,
             drops=dict(self.labeller.drops),
             paused=self.paused,
+            kept=self.publisher.kept,
             sizes={**self.labeller.store.sizes, **self.buffer.sizes},
         )
+
+    # --- for those who ask
+
+    def minutes(self) -> list[Entry]:
+        """What each robot minute was like, the one that is not over yet last."""
+        return self.diary.score(self.prequential, self.pace.lived_s, self._totals(self.labeller.next_id))
+
+    def labels_of(self, t_ns: int, frame_id: int) -> tuple[int, NDArray[np.int8]] | None:
+        """Id and labels (T, S) as now known of the frame taken at `t_ns`; once its window has closed, of `frame_id`."""
+        waiting = self.labeller.store.labels_at(t_ns)
+        if waiting is not None:
+            return waiting[:2]
+        labels = self.prequential.labels(frame_id)
+        return None if labels is None else (frame_id, labels)
+
+    def _totals(self, next_id: int) -> Totals:
+        steps, (negatives, positives) = self.trainer.steps, self.closed_counts.sum((0, 1)).tolist()
+        known, published = negatives + positives, self.publisher.published
+        return Totals(next_id, known, positives, steps, self._loss_sum, published, self.publisher.rejected)
 
     # --- to disk and back
 

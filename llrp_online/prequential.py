@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llrp_online.metrics import Floats, Score, counts, pooled_auc
+from llrp_online.resampling import ranking, resampled_auc
 
 # A probability of 0 or 1 that proves wrong would cost infinitely much; this bounds it at 9.2 nats.
 _CERTAINTY = 1e-4
+#: Blocks of neighbouring frames that intervals are drawn from: of two seconds, in a minute.
+_BLOCKS = 30
 
 
 class Band(NamedTuple):
@@ -136,7 +139,9 @@ class Prequential:
 
     def bands(self, newest: int | None = None) -> list[Band]:
         """Each band of distances, near to far, over the window or only the `newest` frames predicted (cheaper)."""
-        rows = self._rows(newest)
+        return self._bands(self._rows(newest))
+
+    def _bands(self, rows: NDArray[np.intp] | NDArray[np.int64]) -> list[Band]:
         found: list[Band] = []
         for band, (low_m, high_m) in enumerate(self._edges_m):
             here = np.ix_(rows, np.flatnonzero(self._band_of_target == band))
@@ -147,6 +152,37 @@ class Prequential:
             n_pos, n_neg = (int(number) for number in counts(truth))
             log_loss = float(_log_losses(probability, truth).mean()) if len(truth) else None
             found.append(Band(low_m, high_m, None if np.isnan(auc) else auc, n_pos, n_neg, log_loss))
+        return found
+
+    def labels(self, frame_id: int) -> NDArray[np.int8] | None:
+        """(T, S) labels as now known of a frame predicted; None if the window does not hold it."""
+        slot = self._slots.get(frame_id)
+        return None if slot is None else self._labels[slot].copy()
+
+    def intervals(
+        self, first_id: int, end_id: int, rounds: int, seed: int = 0
+    ) -> list[tuple[Band, float | None, float | None]]:
+        """Each band over the frames `first_id` to `end_id - 1`, with the 95 % interval of its AUC; empty without any.
+
+        What is drawn again and again are blocks of neighbouring frames, which show much the same.
+        """
+        rows = np.array([slot for i in range(first_id, end_id) if (slot := self._slots.get(i)) is not None], np.int64)
+        if not len(rows):
+            return []
+        block = np.arange(len(rows)) * _BLOCKS // len(rows)
+        times = np.random.default_rng(seed).multinomial(_BLOCKS, np.full(_BLOCKS, 1 / _BLOCKS), rounds).T
+        times = np.ascontiguousarray(times, np.int32)
+        found: list[tuple[Band, float | None, float | None]] = []
+        for band, whole in enumerate(self._bands(rows)):
+            here = np.ix_(rows, np.flatnonzero(self._band_of_target == band))
+            scores = self._probabilities[here].reshape(-1)
+            ranked = ranking(scores, self._labels[here].reshape(-1))
+            per_frame = len(scores) // len(rows)
+            drawn = resampled_auc(ranked._replace(rows=block[ranked.rows // per_frame]), times)
+            drawn = drawn[~np.isnan(drawn)]
+            defined = whole.auc is not None and len(drawn) > 0
+            low, high = (float(np.quantile(drawn, share)) if defined else None for share in (0.025, 0.975))
+            found.append((whole, low, high))
         return found
 
     def _rows(self, newest: int | None) -> NDArray[np.intp]:

@@ -31,6 +31,7 @@ class LearnerStatus:
         sizes: rows of every ring and memory, and the bytes of the pictures waiting, by name.
         backlog: messages that have come and are not taken in yet.
         driven_m: how far it has driven, by its odometry.
+        kept: versions that it can roll back to, oldest first.
     """
 
     robot_s: float
@@ -53,6 +54,7 @@ class LearnerStatus:
     sizes: dict[str, int] = field(default_factory=dict[str, int])
     backlog: int = 0
     driven_m: float = 0.0
+    kept: list[int] = field(default_factory=list[int])
 
 
 def whole_minutes(robot_s: float) -> int:

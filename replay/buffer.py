@@ -115,6 +115,17 @@ class ReplayBuffer:
         """(T, S, 2) known labels of each class over all frames kept: negatives, positives."""
         return self._frames.class_counts
 
+    def glance(self, most: int) -> tuple[NDArray[np.int64], Batch] | None:
+        """Ids (N,) and the frames themselves, spread evenly over all that is kept, oldest memory first; None of none.
+
+        The batch is good until the next `add`.
+        """
+        slots = np.concatenate([self._memory[: self._remembered], np.array(self._recent, np.int64)])
+        if not len(slots):
+            return None
+        some = slots[np.linspace(0, len(slots) - 1, min(most, len(slots))).astype(np.int64)]
+        return self._ids[some], self._frames.batch(some)
+
     # --- what comes in
 
     def add(

@@ -62,9 +62,8 @@ class Track(Ring[Samples]):
         row = self.insert(t_ns)
         rows = self.columns
         rows.x_m[row], rows.y_m[row], rows.yaw_rad[row] = pose
-        if self._noise is not None:
-            rows.given[row] = covariance is not None
-            rows.covariance[row] = 0.0 if covariance is None else covariance
+        rows.given[row] = covariance is not None
+        rows.covariance[row] = 0.0 if covariance is None else covariance
         first, last = row == self.start, row + 1 == self.stop
         before_ns = EARLIEST_NS if first else rows.t_ns.item(row - 1)
         if last:

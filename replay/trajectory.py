@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from replay.clock import Clock, Clocks
 from replay.compiled_labels import Solvers
+from replay.explanation import Explanation, explain, labels_at
 from replay.poses import Floats
 from replay.ring import Ring
 from replay.rule import LabelRule, OdometryLimits
@@ -42,6 +43,10 @@ class TrajectoryStore:
         noise: of odometry steps, wanted for `rule.window == "drift"`.
         budget_bytes: frames waiting beyond this are closed early, oldest first, and counted.
         only_closed: hand out a frame once, when it closes: for those who read a whole recording anyway.
+        explain_ns: time of a frame to explain when it closes.
+
+    Attributes:
+        explained: the frame to explain, once it has closed.
 
     >>> store = TrajectoryStore(Targets.line(0.0, 0.2, 0.1), [[0]], LabelRule(0.02, window_s=5.0), OdometryLimits())
     >>> for i in range(4):
@@ -66,9 +71,12 @@ class TrajectoryStore:
         budget_bytes: int = 256_000_000,
         *,
         only_closed: bool = False,
+        explain_ns: int | None = None,
     ) -> None:
-        store = Store.empty(targets, streams, rule, limits, noise)
+        self._store = store = Store.empty(targets, streams, rule, limits, noise)
         self._track, self._readings, self._frames, _ = store
+        self._noise, self._explain_ns = noise, explain_ns
+        self.explained: Explanation | None = None
         self._rule, self._limits, self._solvers = rule, limits, Solvers(store)
         self._shape = (len(targets), store.frames.columns.labels.shape[2])
         self.nothing = Updates.none(self._shape)
@@ -148,6 +156,18 @@ class TrajectoryStore:
         self._clock.reset()
         self._watermark_ns, self._settled_ns = self._clock.watermark_ns, self._final_ns()
         return updates
+
+    def labels_at(self, t_ns: int) -> tuple[int, NDArray[np.int8], NDArray[np.float32]] | None:
+        """Id, labels (T, S) and weights (T, S), so far, of the frame taken at this time; None if none waits."""
+        if not self._frames.has(t_ns):
+            return None
+        return labels_at(self._store, self._frames.from_ns(t_ns))
+
+    def explain(self, t_ns: int) -> Explanation | None:
+        """Why the labels so far of the frame taken at this time are what they are; None if no such frame waits."""
+        if not self._frames.has(t_ns):
+            return None
+        return explain(self._store, self._frames.from_ns(t_ns), self._noise)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """All that waits, as arrays that `restore` takes back exactly."""
@@ -246,6 +266,8 @@ class TrajectoryStore:
 
     def _collect(self, closing: int) -> Updates:
         """Updates of what changed, and of the rows before `closing`, which leave."""
+        if self._explain_ns is not None and self.explained is None and closing > self._frames.from_ns(self._explain_ns):
+            self.explained = self.explain(self._explain_ns)
         found = self._solvers.now.collect(closing, only_closed=self._only_closed)
         pictures = {frame_id: self._take_picture(frame_id) for frame_id in found.frame_ids[found.first].tolist()}
         for frame_id in found.frame_ids[found.closed & ~found.first].tolist():

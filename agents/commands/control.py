@@ -8,6 +8,7 @@ from agents.behaviours import BEHAVIOURS, controller
 from agents.commands import options
 
 _LOOK_EVERY_S = 0.05
+_REPORT_EVERY_LOOKS = 10
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -29,8 +30,12 @@ def run(arguments: argparse.Namespace) -> int:
 
     configuration = options.load_configuration(arguments)
     with joined(configuration, "controller") as agent:
-        driver = Driver(agent, configuration, controller(arguments.behaviour, configuration, arguments.seed))
+        drives = controller(arguments.behaviour, configuration, arguments.seed)
+        driver = Driver(agent, configuration, drives, arguments.behaviour)
+        looks = 0
         while not agent.stop.wait(_LOOK_EVERY_S) and driver.robot_s < 60 * arguments.minutes:
-            pass
+            if looks % _REPORT_EVERY_LOOKS == 0:
+                driver.report()
+            looks += 1
         driver.close()
     return 0

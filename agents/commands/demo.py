@@ -1,6 +1,7 @@
 """`llrp demo`: a simulated robot learns to see while it drives, then drives on what it sees; ends with a report."""
 
 import argparse
+import importlib.util
 import json
 import signal
 import sys
@@ -34,10 +35,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
         default=5.0,
         help="length of the held-out drive it is judged on (default 5)",
     )
+    parser.add_argument("--no-dashboard", action="store_true", help="nothing to watch in a browser")
     options.add_json(parser)
     parser.epilog = (
         "examples:\n  llrp demo\n  llrp demo --minutes 2 --scenario wood\n  llrp demo --minutes 30 --speed max --seed 3"
     )
+
+
+def _has_dashboard() -> bool:
+    """Is the extra `dashboard` installed?"""
+    return all(importlib.util.find_spec(name) is not None for name in ("starlette", "uvicorn", "websockets"))
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -52,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.drive_minutes,
         arguments.speed,
         output,
+        dashboard=not arguments.no_dashboard and _has_dashboard(),
     )
     if plan.recording.exists():
         raise ValueError(

@@ -31,6 +31,7 @@ class Fleet:
         self._common = ["--config", str(config), "--endpoint", endpoint]
         self._logs = logs
         self._processes: dict[str, subprocess.Popen[bytes]] = {}
+        self._spare: set[str] = set()
         logs.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> Self:
@@ -41,8 +42,10 @@ class Fleet:
     ) -> None:
         self.stop()
 
-    def start(self, name: str, *words: str) -> None:
-        """Start `llrp WORDS...` as the agent `name`."""
+    def start(self, name: str, *words: str, spare: bool = False) -> None:
+        """Start `llrp WORDS...` as the agent `name`; a `spare` one may end, and nobody minds."""
+        if spare:
+            self._spare.add(name)
         with (self._logs / f"{name}.log").open("ab") as log:
             self._processes[name] = subprocess.Popen(
                 [sys.executable, "-m", "agents.cli", *words, *self._common],
@@ -68,7 +71,7 @@ class Fleet:
     def check(self, may_end: str = "") -> None:
         """AgentDied if an agent has ended: in error, or at all if it is not the one that `may_end`."""
         for name, process in self._processes.items():
-            if process.poll() not in ((None, 0) if name == may_end else (None,)):
+            if name not in self._spare and process.poll() not in ((None, 0) if name == may_end else (None,)):
                 log = self._logs / f"{name}.log"
                 last = "\n".join(log.read_text(errors="replace").splitlines()[-5:])
                 raise AgentDied(f"{name} ended with exit code {process.returncode}; {log} ends with:\n{last}")

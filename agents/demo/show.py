@@ -1,5 +1,6 @@
 """The demo itself: explore while learning, then drive on what was learned."""
 
+import socket
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from llrp_online.status import LearnerStatus
 _LOOK_EVERY_S = 0.25
 #: Importing PyTorch on a slow disk takes a while.
 _START_S = 60.0
+_DASHBOARD_PORT = 8080
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Plan:
         drive_minutes: of driving on predictions alone, afterwards.
         speed: of the robot's time; inf: as fast as it goes.
         output: the run's folder.
+        dashboard: start one, to watch it in a browser.
     """
 
     config: Path
@@ -41,6 +44,7 @@ class Plan:
     drive_minutes: float
     speed: float
     output: Path
+    dashboard: bool = False
 
     @property
     def recording(self) -> Path:
@@ -69,6 +73,11 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
         Terminal(view, ERRORS) as terminal,
     ):
         watch = Watch(session, robot)
+        if plan.dashboard:
+            port = _free_port(_DASHBOARD_PORT)
+            saved = ("--save-to", str(plan.output / "saved"))
+            fleet.start("dashboard", "dashboard", "--port", str(port), *saved, spare=True)
+            ERRORS.print(f"watch it in a browser: http://127.0.0.1:{port}/", highlight=False)
 
         def until(done: Callable[[], bool], limit_s: float | None = None) -> bool:
             waited_s = 0.0
@@ -102,5 +111,16 @@ def show(plan: Plan, configuration: RobotConfiguration, stop: threading.Event) -
         if not stop.is_set():  # who was interrupted wants it over at once, and all end together
             fleet.stop("robot", "controller")
             fleet.stop("learner", "perceiver")
-            fleet.stop("recorder")
+            fleet.stop()
         return Outcome(watch.learner, watch.perceiver, explored, watch.robot)
+
+
+def _free_port(wanted: int) -> int:
+    """This port on loopback if nobody listens there, else another."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", wanted))
+        except OSError:
+            probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])

@@ -8,8 +8,17 @@ from agents.messages.codec import MessageError, decode, definition, encode, head
 from agents.messages.pictures import compressed_image, image, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
-from agents.messages.shortcut import flat_scan
-from agents.messages.small import diagnostic_array, laser_scan, read_diagnostics, read_twist, stamped_twist, twist
+from agents.messages.shortcut import flat_picture, flat_scan
+from agents.messages.small import (
+    diagnostic_array,
+    flag,
+    laser_scan,
+    read_diagnostics,
+    read_flag,
+    read_twist,
+    stamped_twist,
+    twist,
+)
 
 __all__ = [
     "LabelCloud",
@@ -20,6 +29,8 @@ __all__ = [
     "definition",
     "diagnostic_array",
     "encode",
+    "flag",
+    "flat_picture",
     "flat_scan",
     "header",
     "image",
@@ -32,6 +43,7 @@ __all__ = [
     "quick_odometry",
     "quick_picture",
     "read_diagnostics",
+    "read_flag",
     "read_labels",
     "read_prediction",
     "read_twist",

@@ -11,6 +11,7 @@ from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Twist as Twist
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__TwistStamped as TwistStamped
 from rosbags.typesys.stores.ros2_jazzy import geometry_msgs__msg__Vector3 as Vector3
 from rosbags.typesys.stores.ros2_jazzy import sensor_msgs__msg__LaserScan as LaserScan
+from rosbags.typesys.stores.ros2_jazzy import std_msgs__msg__Bool as Bool
 
 from agents.messages.codec import MessageError, header
 
@@ -58,6 +59,22 @@ def read_twist(message: object) -> tuple[float, float]:
     if not np.isfinite(speeds).all():
         raise MessageError(f"a speed command that is not finite: {speeds[0]} m/s, {speeds[1]} rad/s")
     return speeds
+
+
+def flag(value: bool) -> Bool:
+    """Yes or no."""
+    return Bool(value)
+
+
+def read_flag(message: object) -> bool:
+    """The other way; MessageError where it is none.
+
+    >>> read_flag(flag(True))
+    True
+    """
+    if not isinstance(message, Bool):
+        raise MessageError(f"expected std_msgs/msg/Bool, got {getattr(message, '__msgtype__', type(message).__name__)}")
+    return bool(message.data)
 
 
 def diagnostic_array(t_ns: int, name: str, values: Mapping[str, str | float]) -> DiagnosticArray:

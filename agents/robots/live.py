@@ -1,6 +1,7 @@
 """The simulated robot on the bus: obeys the newest command, ticks at its pace, says what it senses.
 
-Its watchdog is its own: a command older than `transport.stale_s`, by the sensors' clock, means stop.
+Its watchdog is its own: a command older than `transport.stale_s`, by the sensors' clock, means stop. So does a person's
+word, whatever is commanded.
 """
 
 import math
@@ -12,6 +13,7 @@ import numpy as np
 
 from agents import messages, status, topics
 from agents.agent import Agent
+from agents.halt import Halt
 from agents.messages import MessageError
 from agents.robots.simulated import Observation, SimulatedRobot
 from agents.robots.wire import PICTURE_TYPE, RANGE_TYPE, Wire
@@ -55,13 +57,15 @@ class LiveRobot:
         self._start_ns: int | None = None
         self._metres = 0.0
         self._last_xy = np.zeros(2)
+        self._halt = Halt(session, agent.robot)
         self._subscription = subscribe_latest(session, key(topics.COMMAND), self._obey)
 
     @property
     def status(self) -> status.RobotStatus:
         """What it says of itself."""
         start_ns = self._now_ns if self._start_ns is None else self._start_ns
-        return status.RobotStatus((self._now_ns - start_ns) * 1e-9, self._robot.collisions, self._metres)
+        lived_s = (self._now_ns - start_ns) * 1e-9
+        return status.RobotStatus(lived_s, self._robot.collisions, self._metres, self._halt.holds)
 
     def run(self, seconds: float) -> None:
         """Live for so many seconds of its own time, or until told to stop."""
@@ -74,12 +78,13 @@ class LiveRobot:
             due_s = max(due_s + self._tick_s, time.monotonic() - _LONGEST_DELAY_S)
             self._agent.stop.wait(max(due_s - time.monotonic(), 0.0))
         self._subscription.close()
+        self._halt.close()
         self._say_status()
 
     def _tick(self) -> None:
         with self._turn:
             fresh = self._now_ns - self._command_ns <= self._stale_ns
-            command = self._command if fresh else (0.0, 0.0)
+            command = self._command if fresh and not self._halt.holds else (0.0, 0.0)
         seen = self._robot.step(*command)
         self._now_ns = seen.t_ns
         self._measure(seen)

@@ -7,7 +7,8 @@ Three kinds of topic, each with the publisher and the subscriber that fit it:
   for again; what stays lost is counted.
 - `State` and `subscribe_state`: the last value counts, also for those who join later (weights, status).
 
-What a topic is called on the wire is the session's business (`naming`): the plain key, or what ROS 2 calls it.
+What a topic is called on the wire is the session's business (`naming`): the plain key, or what ROS 2 calls it. Whoever
+only looks on, at a pace of its own, takes from `Polled`.
 
 One publisher a key. Each message carries its ROS type in its encoding, `application/cdr;sensor_msgs/msg/Image`, so that
 a recorder needs no table of topics; a payload that is no ROS message has no type.
@@ -23,6 +24,7 @@ from agents.transport.requests import NoAnswer, Refused, RequestError, call, ser
 from agents.transport.samples import Received
 from agents.transport.session import Session, TransportError, free_endpoint, key, open_session, topic
 from agents.transport.subscribe import (
+    Polled,
     Subscription,
     subscribe_all,
     subscribe_latest,
@@ -35,6 +37,7 @@ __all__ = [
     "Naming",
     "NoAnswer",
     "Plain",
+    "Polled",
     "Publisher",
     "Received",
     "Refused",

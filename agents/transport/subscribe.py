@@ -151,6 +151,32 @@ class Subscription(Drain):
         super().close()
 
 
+class Polled:
+    """The newest messages of a key, taken when it suits: no thread, and no work while nobody takes.
+
+    Args:
+        session: of the agent.
+        key: with the robot's name.
+        depth: so many are kept; older ones make room.
+    """
+
+    def __init__(self, session: Session, key: str, depth: int) -> None:
+        self._session = session
+        name, ring = session.naming.subscribed(key), zenoh.handlers.RingChannel(depth)
+        self._declared = session.zenoh.declare_subscriber(name, ring)
+
+    def take(self) -> list[Received]:
+        """What has come since the last time, oldest first."""
+        found: list[Received] = []
+        while (sample := self._declared.try_recv()) is not None:
+            found.append(received(sample, self._session.naming))
+        return found
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._declared.undeclare()
+
+
 def subscribe_latest(session: Session, key: str, handler: Handler, patience_s: float = 0.0) -> Subscription:
     """The newest message, whenever the handler is free.
 

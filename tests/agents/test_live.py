@@ -15,7 +15,7 @@ import pytest
 
 from agents import messages, topics, weights
 from agents.agent import PARENT
-from agents.transport import Frames, NoAnswer, Refused, State
+from agents.transport import Frames, NoAnswer, Refused, State, subscribe_latest
 from llrp_online import checkpoint
 from llrp_online.configuration import load
 from replay.recording import read
@@ -118,8 +118,8 @@ def test_the_learner_obeys(agents, tmp_path):
     ("request_", "expected"),
     [
         (b"{", 'a request is JSON such as {"command": "pause"}'),
-        (b"[]", "expected {\"command\": one of ['load', 'pause'"),
-        (b'{"command": "fly"}', "expected {\"command\": one of ['load', 'pause'"),
+        (b"[]", "expected {\"command\": one of ['curves', 'explain'"),
+        (b'{"command": "fly"}', "expected {\"command\": one of ['curves', 'explain'"),
         (b'{"command": ["pause"]}', 'expected {"command": one of'),
         (b'{"command": "save"}', "save: expected path (str) beside the command"),
         (b'{"command": "pause", "for_s": 3}', "pause: expected nothing else beside the command, got {'for_s': 3}"),
@@ -135,6 +135,55 @@ def test_a_wrong_command_is_refused_and_harms_nothing(agents, request_, expected
         agents.ask(request_)
     assert expected in str(refused.value)
     assert ask(agents, "resume") is False
+
+
+def test_the_learner_answers_those_who_look_on(agents):
+    bring_up(agents, *ALL)
+    until(lambda: has_learned(agents), "training steps")
+    frames: list[int] = []
+    with_prediction = subscribe_latest(
+        agents.session,
+        agents.key(topics.PREDICTION),
+        lambda m: frames.append(messages.stamp_ns(m.type, m.data)),
+    )
+    until(lambda: len(frames) > 3, "predictions")
+    with_prediction.close()
+    t_ns = frames[-1]
+    until(lambda: ask(agents, "labels", t_ns=[t_ns], ids=[-1])[0] is not None, "the learner's frame")
+    [found] = ask(agents, "labels", t_ns=[t_ns], ids=[-1])
+    explained = ask(agents, "explain", t_ns=t_ns)
+    assert explained["t_ns"] == t_ns
+    assert np.shape(explained["labels"]) == np.shape(found["labels"]) == (31, 5)
+    until(lambda: ask(agents, "explain", t_ns=t_ns) is None, "its window closes")
+    [closed] = ask(agents, "labels", t_ns=[t_ns], ids=[found["id"]])
+    assert closed["id"] == found["id"]
+    was, now = np.array(found["labels"]), np.array(closed["labels"])
+    assert (now >= 0).sum() >= (was >= 0).sum()
+    memory = ask(agents, "memory", pictures=5)
+    assert 0 < len(memory["pictures"]) <= 5
+    assert np.shape(memory["counts"]) == (31, 5, 2)
+    curves = ask(agents, "curves")
+    assert set(curves) == {"minutes", "drift_events"}
+
+
+def test_a_stop_wins_and_holds_until_it_is_taken_back(agents):
+    bring_up(agents, *ALL)
+    until(agents.is_driving, "it drives")
+    with State(agents.session, agents.key(topics.STOP), topics.STOP_TYPE) as word:
+        word.put(messages.encode(messages.flag(True)))
+        until(lambda: agents.robot.stopped, "the robot says that it stands")
+        lived_s = agents.robot.robot_s
+        until(lambda: agents.robot.robot_s > lived_s + 2, "time to roll out")
+        metres, sent = agents.robot.metres, len(agents.commands)
+        agents.kill("controller")
+        bring_up(agents, "controller")
+        until(lambda: agents.robot.robot_s > lived_s + 8, "time with a controller that came later")
+        until(lambda: len(agents.commands) > sent + 20, "its commands")
+        assert {(0.0, 0.0)} == set(agents.commands[sent:])
+        assert agents.robot.metres == pytest.approx(metres, abs=1e-6)
+        word.put(b"rubbish")
+        word.put(messages.encode(messages.flag(False)))
+        until(agents.is_driving, "it drives again")
 
 
 def test_damaged_weights_are_refused_and_counted(agents):

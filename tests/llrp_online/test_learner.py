@@ -1,5 +1,7 @@
 """The learner in its small world. Runs that several tests look at are lived once."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -399,3 +401,39 @@ def test_frames_that_waited_in_another_version_are_refused(tmp_path, short):
         learner.load(tmp_path / "other")
     learner.warm_start(tmp_path / "other")
     assert len(learner.buffer) == len(short.buffer)
+
+
+def test_it_tells_what_its_minutes_were_like(grown):
+    entries = grown.minutes()
+    assert entries
+    assert all(later.start_s == entry.end_s for entry, later in itertools.pairwise(entries))
+    told = [entry.as_json() for entry in entries]
+    for _ in range(len(entries)):  # a few at each asking
+        told = [entry.as_json() for entry in grown.minutes()]
+    status = grown.status()
+    assert sum(minute["steps"] for minute in told) <= status.steps
+    assert sum(minute["frames"] for minute in told) <= status.frames
+    assert all(minute["loss"] > 0 for minute in told if minute["steps"])
+    bands = [band for minute in told for band in minute["bands"] if band["auc"] is not None]
+    assert bands
+    assert all(0 <= band["low"] <= band["high"] <= 1 for band in bands)
+
+
+def test_it_tells_the_labels_of_a_frame_before_and_after_its_window_closed():
+    learner, told, ids = Learner(configuration()), {}, {}
+    for event in events(40.0):
+        updates = learner.take(event)
+        while learner.due():
+            learner.step()
+        told |= {int(update.t_ns): update.labels for update in updates}
+        for t_ns in updates.t_ns[~updates.closed].tolist():
+            ids[t_ns], labels = learner.labels_of(t_ns, -1)
+            np.testing.assert_array_equal(labels, told[t_ns])
+    assert learner.labels_of(1, -1) is None
+    closed = [t_ns for t_ns in told if learner.labeller.store.labels_at(t_ns) is None and t_ns in ids]
+    found = {t_ns: learner.labels_of(t_ns, ids[t_ns]) for t_ns in closed}
+    kept = {t_ns: answer for t_ns, answer in found.items() if answer is not None}  # predicted when they came
+    assert len(kept) > 20
+    for t_ns, (frame_id, labels) in kept.items():
+        assert frame_id == ids[t_ns]
+        np.testing.assert_array_equal(labels, told[t_ns])
