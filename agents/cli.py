@@ -20,7 +20,7 @@ COMMANDS = {
     "perceive": "predictions from the newest frame and the newest weights, as an agent",
     "control": "a controller: explore, random walk, or driving on predictions alone, as an agent",
     "record": "write all of a robot's topics to an MCAP file; or a simulated drive, in virtual time",
-    "ros2": "a ROS 2 node that hands messages between a robot and its agents, for any ROS 2 middleware",
+    "ros2": "a ROS 2 node between a robot and its agents, for any ROS 2 middleware",
     "play": "play a recording as if it were the robot, as an agent",
     "label": "resolve the labels of a recording",
     "train": "train offline over recordings, the paper's way",
