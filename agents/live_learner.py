@@ -64,8 +64,7 @@ def _warn_if_silent(agent: Agent, intake: Intake) -> None:
 
 
 def _events(intake: Intake, message: Received) -> list[Event]:
-    received_ns = time.time_ns() if message.sent is None else message.sent.wall_ns
-    return intake.events(message.key, message.type, message.data, received_ns)
+    return intake.events(message.key, message.type, message.data, message.wall_ns())
 
 
 class _Voice:

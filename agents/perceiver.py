@@ -82,7 +82,7 @@ class Perceiver:
 
     def _take_picture(self, message: Received) -> None:
         with self._turn:
-            for event in self._intake.events(message.key, message.type, message.data, _received_ns(message)):
+            for event in self._intake.events(message.key, message.type, message.data, message.wall_ns()):
                 if isinstance(event, Picture):
                     for frame in self._synchroniser.add(event):
                         self._predict(frame, message)
@@ -97,7 +97,3 @@ class Perceiver:
         self._newest_ns = frame.t_ns
         self._latencies_ms.append(message.age_s() * 1e3)
         self._arrivals_s.append(time.monotonic())
-
-
-def _received_ns(message: Received) -> int:
-    return time.time_ns() if message.sent is None else message.sent.wall_ns

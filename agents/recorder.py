@@ -7,7 +7,6 @@ predictions, labels and commands stand between the sensor messages they came bet
 
 import logging
 import threading
-import time
 from collections import Counter
 from pathlib import Path
 from queue import SimpleQueue
@@ -146,12 +145,12 @@ class Recorder:
             if log_ns is None:
                 self._before_clock.append(message)
                 if len(self._before_clock) == _WAITING:
-                    self._clock.start(_wall_ns(message))
+                    self._clock.start(message.wall_ns())
                 continue
             self._write_waiting(log_ns)
             self._write(message, log_ns)
         if self._before_clock:
-            self._write_waiting(_wall_ns(self._before_clock[0]))
+            self._write_waiting(self._before_clock[0].wall_ns())
         try:
             self._writer.close()
         except RecordingError as error:
@@ -189,7 +188,3 @@ def _is_sensor(type_name: str) -> bool:
     return type_name == "nav_msgs/msg/Odometry" or (
         type_name.startswith("sensor_msgs/") and type_name != "sensor_msgs/msg/PointCloud2"
     )
-
-
-def _wall_ns(message: Received) -> int:
-    return message.sent.wall_ns if message.sent is not None else time.time_ns()

@@ -24,6 +24,7 @@ from bench.rows import Figure, Row
 CONFIG = "configs/thymio.toml"
 ROBOT = "thymio"
 LLRP = (sys.executable, "-m", "agents.cli")
+ROS_PYTHON = os.environ.get("LLRP_ROS_PYTHON") or ".venv-ros/bin/python"
 TORCH = "python -c 'import torch'"
 NOTHING = "python -c pass"
 WAIT_S = 60.0
@@ -88,6 +89,7 @@ AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "learn": (lambda i: ("--output", i.fresh()), "learner/status"),
     "record": (lambda i: ("--output", i.fresh()), None),
     "foxglove": (lambda _: ("--port", "0"), None),
+    "ros2": (lambda _: (), None),
 }
 
 
@@ -183,9 +185,12 @@ def test_command(command, inputs, record, short):
 @pytest.mark.parametrize("command", AGENTS)
 def test_agent(command, inputs, record, short):
     words, topic = AGENTS[command]
+    if command == "ros2" and not Path(ROS_PYTHON).exists():
+        pytest.skip(f"no {ROS_PYTHON}: `make ros-venv` installs rclpy")
+    llrp = (ROS_PYTHON, *LLRP[1:]) if command == "ros2" else LLRP
 
     def ours() -> float:
-        return until_heard([*LLRP, command, *words(inputs), "--config", CONFIG], topic)
+        return until_heard([*llrp, command, *words(inputs), "--config", CONFIG], topic)
 
     found = in_turn({"ours": ours, TORCH: torch}, 2 if short else 5)
     gaps = {TORCH: AGENTS_LATE[command]} if command in AGENTS_LATE else {}

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
             subscribe_all(
                 agent.session,
                 agent.robot,
-                lambda m: checker.add(Message(m.key, m.type, 0 if m.sent is None else m.sent.wall_ns, m.data)),
+                lambda m: checker.add(Message(m.key, m.type, m.wall_ns(), m.data)),
             ),
         ):
             tenths = range(math.ceil(10 * arguments.seconds))

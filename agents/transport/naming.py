@@ -11,15 +11,14 @@ Sources: https://github.com/ros2/rmw_zenoh/blob/rolling/docs/design.md and
 https://github.com/eclipse-zenoh/zenoh-plugin-ros2dds.
 """
 
-import hashlib
 import struct
 import time
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
 
 _PLAIN_ATTACHMENT = struct.Struct("<QQq")
-_GID_BYTES = 16
-_RMW_ATTACHMENT = struct.Struct(f"<qqB{_GID_BYTES}s")
+PUBLISHER_BYTES = 16
+_RMW_ATTACHMENT = struct.Struct(f"<qqB{PUBLISHER_BYTES}s")
 _DDS_PACKAGE = "dds_"
 
 
@@ -69,8 +68,8 @@ class Naming(Protocol):
         """The ROS type that a topic is expected to have; empty if it is none of ROS."""
         ...
 
-    def attachment(self, sequence: int, wire: str, /) -> bytes | None:
-        """What goes with a message: its count and clocks."""
+    def attachment(self, sequence: int, publisher: bytes, /) -> bytes | None:
+        """What goes with a message: its count and clocks, and `publisher`, 16 bytes that no other publisher has."""
         ...
 
 
@@ -107,7 +106,7 @@ class Plain:
         """As the table has it."""
         return self._types.get(key, "")
 
-    def attachment(self, sequence: int, _wire: str, /) -> bytes | None:
+    def attachment(self, sequence: int, _publisher: bytes, /) -> bytes | None:
         """Count and both clocks."""
         return _PLAIN_ATTACHMENT.pack(sequence, time.monotonic_ns(), time.time_ns())
 
@@ -186,7 +185,7 @@ class Ros2Dds:
         """As the table has it."""
         return self._types.get(key, "")
 
-    def attachment(self, _sequence: int, _wire: str, /) -> bytes | None:
+    def attachment(self, _sequence: int, _publisher: bytes, /) -> bytes | None:
         """The bridge sends none, and expects none."""
         return None
 
@@ -244,9 +243,9 @@ class Ros2Zenoh:
         """As the table has it."""
         return self._types.get(key, "")
 
-    def attachment(self, sequence: int, wire: str) -> bytes | None:
-        """Count, the wall's clock, and 16 bytes that no other publisher has; counts begin with 1."""
-        return _RMW_ATTACHMENT.pack(sequence + 1, time.time_ns(), _GID_BYTES, gid(wire))
+    def attachment(self, sequence: int, publisher: bytes) -> bytes | None:
+        """Count, the wall's clock, and who sends; counts begin with 1."""
+        return _RMW_ATTACHMENT.pack(sequence + 1, time.time_ns(), PUBLISHER_BYTES, publisher)
 
     def typed(self, type_name: str) -> str:
         """Type and hash, as they stand in a key."""
@@ -254,20 +253,15 @@ class Ros2Zenoh:
         return f"{package}::{kind}::{_DDS_PACKAGE}::{name}_/{self._hash(type_name)}"
 
 
-def gid(name: str) -> bytes:
-    """16 bytes that stand for a publisher."""
-    return hashlib.blake2b(name.encode(), digest_size=_GID_BYTES).digest()
-
-
 def read_attachment(extra: bytes) -> Sent | None:
     """What a sender of any dialect said of its message; None if nothing that is known.
 
-    >>> read_attachment(Plain().attachment(3, "")).sequence, read_attachment(b"other")
+    >>> read_attachment(Plain().attachment(3, b"")).sequence, read_attachment(b"other")
     (3, None)
     """
     if len(extra) == _PLAIN_ATTACHMENT.size:
         return Sent(*_PLAIN_ATTACHMENT.unpack(extra))
-    if len(extra) == _RMW_ATTACHMENT.size and extra[16] == _GID_BYTES:
+    if len(extra) == _RMW_ATTACHMENT.size and extra[16] == PUBLISHER_BYTES:
         sequence, wall_ns, _, publisher = _RMW_ATTACHMENT.unpack(extra)
         return Sent(sequence, None, wall_ns, publisher)
     return None

@@ -1,5 +1,6 @@
 """Publishers: one for each kind of topic."""
 
+import os
 from collections.abc import Callable
 from types import TracebackType
 from typing import NamedTuple, Self
@@ -7,6 +8,7 @@ from typing import NamedTuple, Self
 import zenoh
 from zenoh import CongestionControl, Priority, ext
 
+from agents.transport.naming import PUBLISHER_BYTES
 from agents.transport.ros_graph import Qos
 from agents.transport.samples import encoding
 from agents.transport.session import Session
@@ -44,6 +46,7 @@ class Publisher:
         self.sent = 0
         self._session, self._key, self._qos, self._declare = session, key, qos, declare
         self._type = type_name or session.naming.type_of(key)
+        self._identity = os.urandom(PUBLISHER_BYTES)
         self._ways: dict[str, _Way] = {}
         self._way(self._type)
 
@@ -51,7 +54,7 @@ class Publisher:
         """Send; never waits for a reader. `type_name` in place of the type it was declared with."""
         kind = self._type if type_name is None else type_name
         way = self._ways.get(kind) or self._way(kind)
-        attachment = self._session.naming.attachment(self.sent, way.wire)
+        attachment = self._session.naming.attachment(self.sent, self._identity)
         way.publisher.put(data, encoding=encoding(kind), attachment=attachment)
         self.sent += 1
 

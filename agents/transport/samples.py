@@ -1,5 +1,6 @@
 """What travels with a message: its ROS type, its sender's count and clocks."""
 
+import time
 from typing import NamedTuple
 
 import zenoh
@@ -23,6 +24,10 @@ class Received(NamedTuple):
     type: str
     data: bytes
     sent: Sent | None
+
+    def wall_ns(self) -> int:
+        """When it was sent, since 1970; now, if its sender does not say."""
+        return time.time_ns() if self.sent is None else self.sent.wall_ns
 
     def age_s(self) -> float:
         """How long ago it was sent: on this machine, or as far as clocks agree; 0 if its sender does not say."""

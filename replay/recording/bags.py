@@ -41,8 +41,8 @@ class _Bag(Protocol):
     def messages(self) -> Iterator[tuple[Connection, int, bytes]]: ...
 
 
-def read_sqlite(path: Path) -> Recording:
-    """A `.db3` file, or a rosbag2 folder of them with its metadata.yaml; RecordingError says what is wrong."""
+def read_rosbag2(path: Path) -> Recording:
+    """A rosbag2 folder with its metadata.yaml, or one `.db3` file of it; RecordingError says what is wrong."""
     if path.is_file() and path.suffix != ".db3":
         raise RecordingError(f"{path}: a SQLite file by its first bytes; if it is a rosbag2 file, call it .db3")
     for file in [path] if path.is_file() else sorted(path.glob("*.db3")):

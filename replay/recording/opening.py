@@ -39,9 +39,9 @@ def read(path: str | Path) -> Recording:
 
         return read_ros1(path)
     if begin == _SQLITE_MAGIC:
-        from replay.recording.bags import read_sqlite
+        from replay.recording.bags import read_rosbag2
 
-        return read_sqlite(path)
+        return read_rosbag2(path)
     if begin and not MCAP0_MAGIC.startswith(begin[: len(MCAP0_MAGIC)]):
         raise RecordingError(f"{path}: not a recording: it begins with {begin[:8]!r}; expected {_KINDS}")
     return Reader(path)
@@ -55,13 +55,13 @@ def _read_folder(path: Path) -> Recording:
         if not finished:
             logger.warning("%s: no %s: its recorder was stopped before it could finish", path, _METADATA)
         return _merged(path, [Reader(file) for file in mcap], finished=finished)
-    from replay.recording.bags import read_sqlite
+    from replay.recording.bags import read_rosbag2
 
     if finished:
-        return read_sqlite(path)
+        return read_rosbag2(path)
     if files := sorted(path.glob("*.db3")):
         logger.warning("%s: no %s: its recorder was stopped before it could finish", path, _METADATA)
-        return _merged(path, [read_sqlite(file) for file in files], finished=False)
+        return _merged(path, [read_rosbag2(file) for file in files], finished=False)
     names = ", ".join(sorted(file.name for file in path.iterdir())[:5]) or "nothing"
     raise RecordingError(f"{path}: not a recording: the folder has {names}; expected {_KINDS}")
 

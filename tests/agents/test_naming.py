@@ -30,7 +30,8 @@ from agents.transport import (
     subscribe_stream,
 )
 from llrp_online.configuration import load
-from tests.agents.processes import ROOT, until
+from replay.recording import read
+from tests.agents.processes import ROOT, WAIT_S, Agents, quick_configuration, until
 
 BOOL, ODOMETRY = "std_msgs/msg/Bool", "nav_msgs/msg/Odometry"
 TYPES = {"rover/odom": ODOMETRY, "rover/bump/left": BOOL, "rover/status": BOOL}
@@ -198,3 +199,31 @@ def test_a_sender_that_names_no_type_is_read_as_the_configuration_says(dialect):
         subscribe_latest(second, "rover/odom", found.append)
         until(lambda: first.zenoh.put(dialect.published("rover/odom", ODOMETRY), TRUE) or found, "it")
     assert found[0] == Received("rover/odom", ODOMETRY, TRUE, None)
+
+
+@pytest.mark.parametrize("mapping", ["ros2-zenoh", pytest.param("ros2-dds", marks=pytest.mark.slow)])
+def test_all_agents_work_together_under_ros_2_names(tmp_path, mapping):
+    config = quick_configuration(tmp_path)
+    config.write_text(config.read_text() + f'\n[keys]\nmapping = "{mapping}"\ndomain = 9\nnamespace = "bot1"\n')
+    with Agents(tmp_path, config) as agents:
+        agents.start("robot", "robot", "--speed", "2")
+        agents.start("recorder", "record", "--output", str(tmp_path / "run.mcap"))
+        agents.start("learner", "learn", "--output", str(tmp_path / "run"))
+        agents.start("perceiver", "perceive")
+        agents.start("controller", "control")
+        agents.wait_present("robot", "recorder", "learner", "perceiver", "controller")
+        until(lambda: agents.perceiver is not None and agents.perceiver.frames > 20, "predictions")
+        until(agents.is_driving, "driving")
+        until(lambda: agents.learner is not None and agents.learner.steps > 0, "learning")
+        assert all(agents.counts.values()), agents.counts
+        agents.start("check", "check", "--live", "--seconds", "3")
+        agents.processes["check"].wait(WAIT_S)
+        assert "left: " in agents.said("check")
+        assert "no message" not in agents.said("check")
+        agents.end("recorder")
+    found = list(read(tmp_path / "run.mcap"))
+    kinds = {message.topic: message.type for message in found}
+    assert kinds["/thymio/odom"] == ODOMETRY
+    assert kinds["/thymio/cmd_vel"] == "geometry_msgs/msg/Twist"
+    assert kinds["/thymio/prediction"] == kinds["/thymio/labels"] == "sensor_msgs/msg/PointCloud2"
+    assert {"/thymio/range", "/thymio/camera/image/compressed", "/thymio/learner/status"} <= set(kinds)

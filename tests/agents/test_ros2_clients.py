@@ -5,6 +5,7 @@ They live in an environment of their own: `make ros-venv`, or LLRP_ROS_PYTHON na
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -27,6 +28,9 @@ needs_ros = pytest.mark.skipif(
 )
 ODOMETRY, SCAN, PICTURE = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/CompressedImage"
 FRAME_NS = 50_000_000
+FIRST_S = 5.0  # the bar
+#: A minute after the first prediction; CI, where every minute of the suite counts, does with less.
+DRIVE_S = 20.0 if os.environ.get("CI") else 66.0
 
 
 @pytest.fixture(autouse=True)
@@ -153,7 +157,7 @@ def test_llrp_ros2_says_what_is_not_there(tmp_path):
 @pytest.fixture(scope="module")
 def drive(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("drive")
-    words = ["record", "--simulate", "--minutes", "1.1", "--config", str(configuration(folder))]
+    words = ["record", "--simulate", "--minutes", f"{DRIVE_S / 60}", "--config", str(configuration(folder))]
     path = folder / "drive.mcap"
     subprocess.run([sys.executable, "-m", "agents.cli", *words, "--output", str(path)], check=True, cwd=ROOT)
     return path
@@ -163,6 +167,8 @@ def drive(tmp_path_factory) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rclpy", "pyzeros", "zenoh_sdk"])
 def test_a_drive_at_20_pictures_a_second_has_every_prediction_from_the_first_seconds_on(tmp_path, drive, name):
+    if name == "pyzeros" and not shutil.which("cc"):
+        pytest.skip("no C compiler, which PyZeROS wants when it is first used: apt-get install gcc")
     keys = "" if name == "rclpy" else '\n[keys]\nmapping = "ros2-zenoh"\n'
     with Agents(tmp_path, configuration(tmp_path, keys), hub=name == "rclpy") as agents:
         host, port = agents.endpoint.removeprefix("tcp/").split(":")
@@ -183,6 +189,6 @@ def test_a_drive_at_20_pictures_a_second_has_every_prediction_from_the_first_sec
     pictures = [messages.stamp_ns(m.type, m.data) for m in read(drive) if m.type == PICTURE]
     assert pictures[1] - pictures[0] == FRAME_NS
     assert stamps == [t_ns for t_ns in pictures if t_ns >= stamps[0]]
-    assert stamps[0] - pictures[0] <= 5_000_000_000
-    assert len(stamps) >= 1200
-    assert sum(line[0] == "command" for line in lines) > 1000
+    assert stamps[0] - pictures[0] <= FIRST_S * 1e9
+    assert len(stamps) >= 20 * (DRIVE_S - FIRST_S) - 1
+    assert sum(line[0] == "command" for line in lines) > 15 * (DRIVE_S - FIRST_S)
