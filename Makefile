@@ -10,7 +10,7 @@ ROS_STAMP := $(ROS_VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 
-.PHONY: demo test test-fast lint bench bench-short docs docs-site install ros-venv clean
+.PHONY: demo test test-fast lint bench bench-short studies-quick docs docs-site install ros-venv clean
 
 install: $(STAMP)
 
@@ -50,6 +50,15 @@ bench-short: $(BENCH_STAMP)
 	@mkdir -p runs
 	$(BIN)/python -m pytest bench --short --timeout=600 --benchmark-json=runs/bench-short.json $(BENCH_ARGS); \
 	status=$$?; $(BIN)/python bench/table.py runs/bench-short.json && exit $$status
+
+# Every study in its small form, from nothing: that each runs, and how long it takes here.
+studies-quick: $(STAMP)
+	@rm -rf build/studies && mkdir -p build
+	@set -e; for study in $$($(BIN)/python -c 'from agents.commands.experiment import STUDIES; print(*STUDIES)'); do \
+		began=$$(date +%s); \
+		$(BIN)/llrp experiment $$study --quick --output build/studies/$$study > build/$$study.txt || { cat build/$$study.txt; exit 1; }; \
+		echo "$$study: $$(( $$(date +%s) - began )) s; $$(tail -1 build/$$study.txt)"; \
+	done
 
 docs: $(STAMP)
 	$(BIN)/python docs/generate.py
