@@ -68,6 +68,7 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "train": lambda i: (i.recording, "--steps", 1, "--output", i.fresh()),
     "evaluate": lambda i: (i.checkpoint, i.recording),
     "learn": lambda i: ("--recordings", i.recording, "--output", i.fresh()),
+    "explain": lambda i: (i.recording, "--at", 5),
     "demo": lambda i: ("--minutes", 1, "--output", i.fresh()),
     "window": lambda i: (i.recording, "--output", i.fresh()),
     "experiment": lambda i: ("scratch", "--quick", "--output", i.studied()),
@@ -82,6 +83,7 @@ AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "perceive": (lambda _: (), "perceiver/status"),
     "learn": (lambda i: ("--output", i.fresh()), "learner/status"),
     "record": (lambda i: ("--output", i.fresh()), None),
+    "dashboard": (lambda _: ("--port", "0"), None),
 }
 
 
