@@ -233,7 +233,7 @@ def test_a_robot_that_is_silent_is_unmistakable(world):
         assert world.page.locator("#ground.old").count() == 1
         assert world.page.locator("#now.old").count() == 1
         world.page.wait_for_selector("#findings [data-cause='odometry missing']")
-        finally:
+    finally:
         robot.send_signal(signal.SIGCONT)
     world.page.wait_for_selector("#banner", state="hidden")
     assert world.page.locator("#ground.old").count() == 0
