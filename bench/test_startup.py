@@ -71,6 +71,7 @@ PRINTING: dict[str, Callable[[Inputs], Sequence[object]]] = {
     "train": lambda i: (i.recording, "--steps", 1, "--output", i.fresh()),
     "evaluate": lambda i: (i.checkpoint, i.recording),
     "learn": lambda i: ("--recordings", i.recording, "--output", i.fresh()),
+    "explain": lambda i: (i.recording, "--at", 5),
     "demo": lambda i: ("--minutes", 1, "--output", i.fresh()),
     "window": lambda i: (i.recording, "--output", i.fresh()),
     "export": lambda i: (i.checkpoint, "--onnx", i.fresh()),
@@ -90,6 +91,7 @@ AGENTS: dict[str, tuple[Callable[[Inputs], Sequence[object]], str | None]] = {
     "record": (lambda i: ("--output", i.fresh()), None),
     "foxglove": (lambda _: ("--port", "0"), None),
     "ros2": (lambda _: (), None),
+    "dashboard": (lambda _: ("--port", "0"), None),
 }
 
 

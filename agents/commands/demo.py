@@ -42,7 +42,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def _has_dashboard() -> bool:
+def has_dashboard() -> bool:
     """Is the extra `dashboard` installed?"""
     return all(importlib.util.find_spec(name) is not None for name in ("starlette", "uvicorn", "websockets"))
 
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.drive_minutes,
         arguments.speed,
         output,
-        dashboard=not arguments.no_dashboard and _has_dashboard(),
+        dashboard=not arguments.no_dashboard and has_dashboard(),
     )
     if plan.recording.exists():
         raise ValueError(

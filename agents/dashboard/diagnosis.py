@@ -20,6 +20,8 @@ _FROZEN_S = 2.0
 _STILL_M = 0.02
 #: Between two statuses: fewer new frames tell nothing.
 _FEW_FRAMES = 20
+#: A target that none of so many frames has a label for is out of reach.
+_MANY_FRAMES = 500
 #: Of the steps due, let go: more is a learner that cannot keep up.
 _LET_GO_SHARE = 0.1
 _LONG_BACKLOG = 500
@@ -188,9 +190,10 @@ def _labels(seen: Evidence) -> Iterator[Finding]:
     fresh = before is not None and now.frames - before.frames >= _FEW_FRAMES
     if before is not None and fresh and now.labelled == before.labelled and now.remembered <= before.remembered:
         yield _no_labels(seen)
-    elif seen.reached_m is not None and seen.moved_m > _STILL_M and seen.reached_m + seen.tolerance_m < seen.farthest_m:
-        yield _short_window(seen, "note")
     known, positives = sum(now.known), sum(now.positives)
+    never = known > 0 and 0 in now.known and now.labelled >= _MANY_FRAMES
+    if never and seen.reached_m is not None and seen.reached_m + seen.tolerance_m < seen.farthest_m:
+        yield _short_window(seen, "note")
     fewer = min(positives, known - positives)
     if known and fewer < _FEWEST_CLASS * known:
         lacking = "felt nothing" if positives > known - positives else "felt something"

@@ -100,7 +100,7 @@ def _quickly(collector: Collector, cursor: Cursor, now_s: float) -> dict[str, An
     ground = collector.ground
     told: dict[str, Any] = {"stopped": collector.stopped, "obeyed": dict(collector.obeyed)}
     if cursor.epoch != ground.epoch:
-        cursor.epoch, cursor.points, cursor.fired, cursor.past = ground.epoch, 0, 0, 0
+        cursor.epoch, cursor.points, cursor.fired = ground.epoch, 0, 0
         told["anew"] = True
     if ground.now_ns is not None:
         told["robot_s"] = round(ground.robot_s(ground.now_ns), 3)

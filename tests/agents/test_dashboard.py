@@ -174,7 +174,6 @@ def test_the_learner_obeys_the_buttons(world):
     until(lambda: agents.learner.paused, "the pause")
     page.wait_for_selector("#findings [data-cause=paused]")
     assert world.text("#why-title") == "Why is it not learning?"
-    world.shoot("paused")
     world.until("document.querySelector('#pause').textContent === 'Resume learning'", "what the page says")
     page.click("#pause")
     until(lambda: not agents.learner.paused, "learning goes on")
@@ -234,7 +233,6 @@ def test_a_robot_that_is_silent_is_unmistakable(world):
         assert world.page.locator("#ground.old").count() == 1
         assert world.page.locator("#now.old").count() == 1
         world.page.wait_for_selector("#findings [data-cause='odometry missing']")
-        world.shoot("silent")
     finally:
         robot.send_signal(signal.SIGCONT)
     world.page.wait_for_selector("#banner", state="hidden")
@@ -397,9 +395,6 @@ def test_the_pages_of_the_docs(world):
     until(lambda: world.agents.learner.robot_s > minutes, "six robot minutes", timeout_s=300)
     time.sleep(20)
     world.shoot("light", full_page=True)
-    world.page.emulate_media(color_scheme="dark")
-    time.sleep(2)
-    world.shoot("dark", full_page=True)
 
 
 def test_loading_the_command_line_loads_no_web_server():

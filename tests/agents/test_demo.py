@@ -10,6 +10,7 @@ import time
 import psutil
 import pytest
 
+from agents.commands.demo import has_dashboard
 from llrp_online import checkpoint
 from replay.recording import read
 from tests.agents.processes import ROOT, patience_s, quick_configuration, until
@@ -45,8 +46,12 @@ def recorded_bytes(folder):
 def test_a_minute_ends_with_a_report(tmp_path):
     words = ("--minutes", "1", "--drive-minutes", "0.3", "--held-out-minutes", "1", "--speed", "6", "--json")
     process = demo(tmp_path, *words)
+    if has_dashboard():  # nobody minds if it ends
+        until(lambda: any("dashboard" in child.cmdline() for child in children(process)), "the dashboard")
+        next(child for child in children(process) if "dashboard" in child.cmdline()).kill()
     out, err = process.communicate(timeout=500)
     assert process.returncode == 0, err
+    assert ("watch it in a browser: http://127.0.0.1:" in err) is has_dashboard()
     assert "Traceback" not in err
     said, run = json.loads(out), tmp_path / "run"
     assert said["report"] == str(run / "report.html")
@@ -84,7 +89,7 @@ def test_interrupted_it_ends_soon_and_keeps_what_was_learned(tmp_path, number):
     process = demo(tmp_path, "--minutes", "10")
     until(lambda: process.poll() is not None or recorded_bytes(tmp_path) > 200_000, "a recording that grows")
     agents = children(process)
-    assert len(agents) == len(AGENTS)
+    assert len(agents) == len(AGENTS) + has_dashboard()
     began_s = time.monotonic()
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
@@ -104,7 +109,7 @@ def test_killed_it_leaves_no_agent_behind(tmp_path):
     process = demo(tmp_path, "--minutes", "10")
     until(lambda: process.poll() is not None or recorded_bytes(tmp_path) > 100_000, "a recording that grows")
     agents = children(process)
-    assert len(agents) == len(AGENTS)
+    assert len(agents) == len(AGENTS) + has_dashboard()
     process.kill()
     process.communicate()
     _, alive = psutil.wait_procs(agents, timeout=patience_s() + 1.0)

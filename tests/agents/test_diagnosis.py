@@ -64,7 +64,12 @@ def test_nothing_is_wrong():
             replace(STUCK, nearest_m=2.0, farthest_m=5.0, drift=True, back_s=4.0),
             "labels.gate_m",
         ),
-        ("window too short", "note", replace(WELL, farthest_m=5.0), "until 5.00 m"),
+        (
+            "window too short",
+            "note",
+            replace(WELL, farthest_m=5.0, learner=replace(GOING, known=[14000, 0], positives=[900, 0])),
+            "until 5.00 m",
+        ),
         ("tolerance too tight", "stops", replace(STUCK, missed_m=0.03), "3.0 cm, and 1.0 cm are allowed"),
         ("heading tolerance too tight", "stops", replace(STUCK, turned_rad=0.2), "labels.heading_tolerance_rad"),
         ("no labels", "stops", STUCK, "clocks"),
@@ -105,6 +110,10 @@ def test_who_has_only_just_come_does_not_complain():
 
 def test_a_frozen_picture_of_a_robot_that_stands_is_no_fault():
     assert causes(replace(WELL, frozen_s=60.0, moved_m=0.0)) == ["learning"]
+
+
+def test_far_targets_that_have_labels_are_within_reach_wherever_the_robot_is_now():
+    assert causes(replace(WELL, farthest_m=5.0)) == ["learning"]
 
 
 def test_a_heading_that_does_not_matter_is_never_too_tight():

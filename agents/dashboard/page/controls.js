@@ -73,6 +73,7 @@ export class Controls {
     if (this.stopped && !who.length) text = "Told to stop. Nobody here says whether it does: look at the robot.";
     else if (this.stopped && deaf.length) text = `Told to stop; ${deaf.join(" and ")} has not said so yet.`;
     else if (this.stopped) text = `${who.map(([name]) => name).join(" and ")} stand still until released.`;
+    $("stop-said").className = this.failed ? "failed" : "";
     say($("stop-said"), this.failed || text);
   }
 }

@@ -54,7 +54,8 @@ export function bytes(text) {
 }
 
 export function number(value, digits = 2) {
-  return value === null || value === undefined ? "–" : value.toFixed(digits);
+  if (value === null || value === undefined) return "–";
+  return value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"); // there is no minus zero
 }
 
 export const words = (name) => name.replaceAll("_", " ");
