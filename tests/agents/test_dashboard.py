@@ -103,15 +103,25 @@ def test_the_picture_and_what_is_expected_of_it_change(world):
 
 def test_labels_of_past_frames_fill_in(world):
     world.until("document.querySelectorAll('#film li[data-key]').length >= 4", "past frames")
-    key = world.page.eval_on_selector("#film li[data-key]", "e => e.dataset.key")
-    frame = f"#film li[data-key='{key}']"
-    known = f'parseInt(/(\\d+) % known/.exec(document.querySelector("{frame} .said").textContent)?.[1] ?? 0)'
-    labels = world.picture(f"{frame} canvas >> nth=1")
-    world.until(f"{known} > 0", "a label of a frame that had none")
-    until(lambda: world.picture(f"{frame} canvas >> nth=1") != labels, "the labels drawn")
-    assert world.page.eval_on_selector(f"{frame} img", "e => e.naturalWidth") >= 20
+    before = frames_of_film(world)
+
+    def grown():
+        now = frames_of_film(world)
+        return [k for k in before.keys() & now.keys() if now[k][0] > before[k][0] and now[k][1] != before[k][1]]
+
+    until(grown, "labels of a frame that became known, and were drawn")
+    until(lambda: all(width >= 20 for _, _, width in frames_of_film(world).values()), "their pictures")
     world.until(
         "[...document.querySelectorAll('#film .said')].some(e => e.textContent.endsWith('final'))", "a window closes"
+    )
+
+
+def frames_of_film(world):
+    """Key -> share of the labels known [%], the map of them, the width of the picture; of the newest frames."""
+    return world.page.evaluate(
+        "Object.fromEntries([...document.querySelectorAll('#film li[data-key]')].slice(0, 8).map(e => [e.dataset.key, ["
+        "parseInt(/(\\d+) % known/.exec(e.textContent)?.[1] ?? 0), e.querySelectorAll('canvas')[1].toDataURL(),"
+        " e.querySelector('img').naturalWidth]]))"
     )
 
 

@@ -61,7 +61,7 @@ export class Film {
   add(past) {
     const film = $("film");
     film.querySelector(".empty")?.remove();
-    const picture = make("img", { src: `/past/${past.key}/0`, alt: "", loading: "lazy", draggable: false });
+    const picture = make("img", { src: `/past/${past.key}/0`, alt: "", draggable: false });
     const maps = [make("canvas"), make("canvas")], said = make("span", { className: "said" });
     const button = make("button", { type: "button" }, picture, ...maps, said);
     button.addEventListener("click", () => this.explain(past.key));
