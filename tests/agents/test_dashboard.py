@@ -103,11 +103,12 @@ def test_the_picture_and_what_is_expected_of_it_change(world):
 
 def test_labels_of_past_frames_fill_in(world):
     world.until("document.querySelectorAll('#film li[data-key]').length >= 4", "past frames")
-    before = frames_of_film(world)
+    first = {}
 
     def grown():
         now = frames_of_film(world)
-        return [k for k in before.keys() & now.keys() if now[k][0] > before[k][0] and now[k][1] != before[k][1]]
+        first.update({key: frame for key, frame in now.items() if key not in first})
+        return [k for k, (known, labels, _) in now.items() if known > first[k][0] and labels != first[k][1]]
 
     until(grown, "labels of a frame that became known, and were drawn")
     until(lambda: all(width >= 20 for _, _, width in frames_of_film(world).values()), "their pictures")
