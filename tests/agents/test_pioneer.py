@@ -150,7 +150,7 @@ def test_a_tiny_study_tells_every_cell_beside_the_papers(folder: Path) -> None:
     assert cells[0]["x_m"] == -3.0
     assert all(cell["auc"] is None for cell in cells if 0 in (cell["n_pos"], cell["n_neg"]))
     assert {plot.name for plot in found.plots} >= {"known_labels", "auc_offline", "auc_online", "rig"}
-    text = section(found, "llrp experiment pioneer")
+    text = section(found, "llrp experiment pioneer", "one trial")
     assert "### AUC of every cell, offline\n" in text
     grid = [line for line in text.splitlines() if line.startswith("| 5 |")]
     assert all(line.count("/") == 17 for line in grid)

@@ -97,5 +97,5 @@ def test_what_is_missing_is_said(tmp_path):
 
 
 def test_live_wants_a_configuration(capsys):
-    assert cli.main(["check", "--live"]) == 1
+    assert cli.main(["check", "--live"]) == 2
     assert "--live needs --config" in capsys.readouterr().err
