@@ -76,6 +76,7 @@ class ThymioStatus:
         link: "connected", or what is wrong and what to do.
         camera: "live", "none configured", or what is wrong and what to do.
         drops: commands that were none.
+        stopped: it stands still because a person said so.
     """
 
     robot_s: float
@@ -83,6 +84,7 @@ class ThymioStatus:
     link: str
     camera: str
     drops: dict[str, int] = field(default_factory=dict[str, int])
+    stopped: bool = False
 
 
 def encode(name: str, t_ns: int, values: Mapping[str, Any]) -> bytes:
@@ -99,6 +101,16 @@ def decode(data: bytes) -> dict[str, Any]:
     """
     values = messages.read_diagnostics(messages.decode(STATUS_TYPE, data))
     return {key: json.loads(value) if isinstance(value, str) else value for key, value in values.items()}
+
+
+def decode_robot(data: bytes) -> RobotStatus | ThymioStatus:
+    """What a robot says, simulated or real; TypeError where it is neither's.
+
+    >>> decode_robot(encode("robot", 0, {"robot_s": 1.0, "collisions": 0, "metres": 0.1})).metres
+    0.1
+    """
+    values = decode(data)
+    return ThymioStatus(**values) if "link" in values else RobotStatus(**values)
 
 
 def encode_learner(status: LearnerStatus, t_ns: int) -> bytes:

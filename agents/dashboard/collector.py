@@ -84,7 +84,7 @@ class Collector:
         self.learner: LearnerStatus | None = None
         self.perceiver: status.PerceiverStatus | None = None
         self.controller: status.ControllerStatus | None = None
-        self.robot: status.RobotStatus | None = None
+        self.robot: status.RobotStatus | status.ThymioStatus | None = None
         self.agents: dict[str, bool] = {}
         self.prediction: NDArray[np.uint8] | None = None
         self.prediction_ns = 0
@@ -214,7 +214,7 @@ class Collector:
         elif topic == topics.CONTROLLER_STATUS:
             self.controller = status.ControllerStatus(**status.decode(data))
         else:
-            self.robot = status.RobotStatus(**status.decode(data))
+            self.robot = status.decode_robot(data)
         self.heard_s[topic] = now_s
 
     def _hear_stop(self, message: Received) -> None:

@@ -23,7 +23,7 @@ from agents.agent import PARENT
 from agents.intake import Intake
 from agents.robots.thymio.firmware import Firmware
 from agents.robots.thymio.link import Link, LinkError
-from agents.transport import Frames, free_endpoint, key, open_session, subscribe_state, subscribe_stream
+from agents.transport import Frames, State, free_endpoint, key, open_session, subscribe_state, subscribe_stream
 from llrp_online.configuration import load
 from llrp_online.events import OdometrySample, Reading
 from replay.poses import wrap
@@ -167,6 +167,21 @@ def test_it_stops_when_commands_stop(bench, arena):
     bench.drive_until(lambda: np.hypot(*(arena.pose() - start)[:2]) > 0.05)
     time.sleep(REST_S)
     assert not moves(arena)
+
+
+def test_it_stands_while_a_person_says_stop_whatever_is_commanded(bench, arena):
+    start = arena.pose()
+    bench.drive_until(lambda: np.hypot(*(arena.pose() - start)[:2]) > 0.05)
+    button = State(bench.session, key("thymio", topics.STOP), topics.STOP_TYPE)
+    button.put(messages.encode(messages.flag(True)))
+    until(lambda: bench.status is not None and bench.status.stopped, "the robot's word that it stands")
+    stood = arena.pose()
+    for _ in range(20):
+        bench.command(SPEED_M_S)
+        time.sleep(0.05)
+    assert np.hypot(*(arena.pose() - stood)[:2]) < 0.01
+    button.put(messages.encode(messages.flag(False)))
+    bench.drive_until(lambda: np.hypot(*(arena.pose() - stood)[:2]) > 0.05)
 
 
 def test_it_stops_when_our_process_is_killed(bench, arena):

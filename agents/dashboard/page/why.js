@@ -39,7 +39,9 @@ export class Why {
     }
     if (perceiver) rows.push(["frame to prediction", `${number(perceiver.p50_ms, 1)} ms, p99 ${number(perceiver.p99_ms, 1)}`]);
     if (controller) rows.push(["behaviour", controller.behaviour]);
-    if (robot) rows.push(["collisions", `${robot.collisions} in ${robot.metres.toFixed(1)} m`]);
+    const metres = robot && `${robot.metres.toFixed(1)} m`;
+    if (robot) rows.push("link" in robot ? ["rolled", metres] : ["collisions", `${robot.collisions} in ${metres}`]);
+    if (robot && "link" in robot) rows.push(["line", robot.link], ["its camera", robot.camera]);
     const list = $("numbers");
     if (list.children.length !== rows.length) list.replaceChildren(...rows.map(() => make("div", {}, make("dt"), make("dd"))));
     rows.forEach(([name, value], i) => (say(list.children[i].children[0], name), say(list.children[i].children[1], value)));

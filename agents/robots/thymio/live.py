@@ -8,10 +8,12 @@ import logging
 import math
 import time
 from collections import Counter
+from contextlib import suppress
 from dataclasses import asdict
 
 from agents import messages, status, topics
 from agents.agent import Agent
+from agents.halt import Halt
 from agents.messages import MessageError
 from agents.robots.thymio import camera
 from agents.robots.thymio.clock import BeatClock, HostClock, age_ns
@@ -61,12 +63,14 @@ class LiveThymio:
         self._since_ns = self._clock.now_ns()
         self._said_s = -math.inf
         self.drops: Counter[str] = Counter()
+        self._halt = Halt(session, agent.robot, self._halted)
 
     @property
     def status(self) -> status.ThymioStatus:
         """What it says of itself."""
         robot_s = (self._clock.now_ns() - self._since_ns) * 1e-9
-        return status.ThymioStatus(robot_s, self._wheels.metres, self._link, self._camera.state, dict(self.drops))
+        drops, stopped = dict(self.drops), self._halt.holds
+        return status.ThymioStatus(robot_s, self._wheels.metres, self._link, self._camera.state, drops, stopped)
 
     def run(self, seconds: float) -> None:
         """Live for so many seconds, or until told to stop; then stand still."""
@@ -84,6 +88,7 @@ class LiveThymio:
                     self._agent.stop.wait(self._gap_s)
         finally:
             subscription.close()
+            self._halt.close()
             self._camera.close()
             self._report_state()
 
@@ -121,15 +126,23 @@ class LiveThymio:
         self._pictures.put(messages.encode(messages.compressed_image(t_ns, pixels, quality=JPEG_QUALITY)))
 
     def _obey(self, message: Received) -> None:
-        firmware = self._firmware
         try:
             command = messages.read_twist(messages.decode(message.type, message.data))
-            if firmware is not None:
-                firmware.drive(*self._wheels.targets(*command), self._stale_s)
         except MessageError as error:
             self.drops[f"{topics.COMMAND}: {error}"] += 1  # what is no command cannot move the robot
-        except LinkError:
-            return  # whoever waits for reports notices too, and does something about it
+        else:
+            self._drive((0.0, 0.0) if self._halt.holds else command)
+
+    def _halted(self) -> None:
+        """A person has pressed Stop, or let go of it: until the next command it stands."""
+        self._drive((0.0, 0.0))
+
+    def _drive(self, command: tuple[float, float]) -> None:
+        firmware = self._firmware
+        # Whoever waits for reports notices a line that is lost too, and does something about it.
+        with suppress(LinkError):
+            if firmware is not None:
+                firmware.drive(*self._wheels.targets(*command), self._stale_s)
 
     def _report_state(self) -> None:
         self._said_s = time.monotonic()
