@@ -175,3 +175,11 @@ def test_the_robot_built_up_in_your_robot_is_a_whole_one():
 def test_python_examples_compile(page):
     for block in blocks(page, "python"):
         compile(block, str(page), "exec")
+
+
+def test_figures_of_the_readme_are_those_of_the_results():
+    told = (ROOT / "README.md").read_text(encoding="utf-8").partition("## What it reaches")[2].partition("\n## ")[0]
+    found = re.findall(r"\b[01]\.\d{3}\b", told)
+    results = (ROOT / "docs" / "RESULTS.md").read_text(encoding="utf-8")
+    assert len(found) > 10
+    assert not [figure for figure in found if not re.search(rf"\b{re.escape(figure)}\b", results)]
