@@ -23,8 +23,6 @@ from llrp_online.synchroniser import Frame, Synchroniser
 _LOG = logging.getLogger(__name__)
 #: Frames the latency figures are of: a hundred seconds at 20 Hz.
 _LATENCIES = 2000
-#: A picture that waited longer is skipped for the newest; shorter stalls of a busy machine lose none.
-_PATIENCE_S = 0.2
 
 
 class Perceiver:
@@ -50,9 +48,10 @@ class Perceiver:
         self.drops: Counter[str] = Counter()
         self._prediction = Frames(agent.session, agent.key(topics.PREDICTION), topics.CLOUD_TYPE)
         self._status = State(agent.session, agent.key(topics.PERCEIVER_STATUS), topics.STATUS_TYPE)
+        patience_s = configuration.transport.stale_s
         self._subscriptions = [subscribe_state(agent.session, agent.key(topics.WEIGHTS), self._take_weights)]
         self._subscriptions += [
-            subscribe_latest(agent.session, agent.key(camera.topic), self._take_picture, _PATIENCE_S)
+            subscribe_latest(agent.session, agent.key(camera.topic), self._take_picture, patience_s)
             for camera in configuration.camera
         ]
 

@@ -14,6 +14,9 @@ from agents.transport.ros_graph import Qos, RosGraph
 
 # Everybody listens somewhere: agents link directly, and a hub that goes takes no link of the others with it.
 _ANY_LOOPBACK_PORT = ("tcp/127.0.0.1:0",)
+# Messages of one kind that may wait for a link: with Zenoh's own two, the third that is put while its thread waits for
+# the processor is dropped, such as predictions after a stall.
+_BURST = 8
 _CHUNK = re.compile(r"[^/*$?#@ ][^/*$?# ]*")
 
 
@@ -125,6 +128,7 @@ def _configuration(listen: list[str], connect: list[str], name: str, lease_ms: i
         "scouting/gossip/enabled": True,
         "scouting/delay": 100,  # how long opening waits for links to those whom the hub names; they come anyway [ms]
         "transport/link/tx/lease": lease_ms,
+        "transport/link/tx/queue/size/data": _BURST,
         "transport/shared_memory/enabled": False,
         "timestamping/enabled": True,  # what recovery of lost messages rests on
         "metadata": {"name": name},

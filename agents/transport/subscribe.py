@@ -2,7 +2,9 @@
 
 import atexit
 import logging
+import math
 import threading
+import time
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Any, Protocol, Self, TypeVar
@@ -25,8 +27,10 @@ Handler = Callable[[Received], None]
 # Messages a stream's handler may be behind before the whole session waits for it; the publishers' caches hold the rest.
 _STREAM_QUEUE = 4096
 _CLOSE_S = 0.3
-# Messages that may wait where there is patience: at 20 a second, four tenths of a second of them.
-_PATIENT_QUEUE = 8
+# Messages that may wait where there is patience: at 20 a second, eight tenths of a second of them.
+_PATIENT_QUEUE = 16
+# Younger than this a message is not late; and a stall is over, or was none but a slow handler, after so long.
+_LATE_S, _STALL_S = 0.1, 1.0
 
 
 class Declared(Protocol[T_co]):
@@ -98,20 +102,31 @@ class Drain:
 
 
 class _Patient:
-    """A ring of which the next is taken while it is fresh, else the newest. What does not say its age is not fresh."""
+    """A ring that is emptied in order after a stall, and of which the newest is taken where the handler is too slow.
+
+    A stall is over soon: what is late for longer is a handler that does not keep up. What does not say its age counts
+    as late.
+    """
 
     def __init__(self, declared: Ring, patience_s: float) -> None:
         self._declared, self._patience_s = declared, patience_s
         self.undeclare = declared.undeclare
 
     def __iter__(self) -> Iterator[zenoh.Sample]:
+        fresh_s = time.monotonic()  # when it last was not late
         for sample in self._declared:
-            sent = read_attachment(sample.attachment.to_bytes() if sample.attachment is not None else b"")
-            newest = sample
-            if sent is None or sent.age_s() > self._patience_s:
+            taken, late_s, now_s = sample, _age_s(sample), time.monotonic()
+            if late_s > self._patience_s or now_s - fresh_s > _STALL_S:
                 while (newer := self._declared.try_recv()) is not None:
-                    newest = newer
-            yield newest
+                    taken = newer
+            if _age_s(taken) < _LATE_S:
+                fresh_s = now_s
+            yield taken
+
+
+def _age_s(sample: zenoh.Sample) -> float:
+    sent = read_attachment(sample.attachment.to_bytes()) if sample.attachment is not None else None
+    return math.inf if sent is None else sent.age_s()
 
 
 class Subscription(Drain):
@@ -181,7 +196,7 @@ def subscribe_latest(session: Session, key: str, handler: Handler, patience_s: f
     """The newest message, whenever the handler is free.
 
     With patience, those before it, too, in order, as long as they are no older than this when their turn comes: a
-    moment without the processor loses none, and a handler that is too slow for all still gets the newest.
+    moment without the processor loses none. A handler that is too slow for all still gets the newest.
     """
     depth = _PATIENT_QUEUE if patience_s else 1
     declared = session.zenoh.declare_subscriber(session.naming.subscribed(key), zenoh.handlers.RingChannel(depth))

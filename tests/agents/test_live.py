@@ -224,6 +224,7 @@ def test_a_prediction_that_is_none_moves_nobody(agents):
     agents.start("controller", "control", "--behaviour", "avoid")
     agents.wait_present("controller")
     blind = np.full((len(targets), len(sensors)), np.nan, np.float32)
+    until(lambda: agents.robot is not None, "the robot's first word")
     heard = len(agents.commands)
     with Frames(agents.session, agents.key(topics.PREDICTION), topics.CLOUD_TYPE) as bus:
 

@@ -151,6 +151,18 @@ def test_a_slow_reader_of_frames_gets_the_newest():
         assert sorted(ages)[len(ages) // 2] < 0.1
 
 
+def test_bursts_of_frames_get_through():
+    with pair() as (first, second), Frames(first, "bot/camera", "sensor_msgs/msg/Image") as frames:
+        found: list[int] = []
+        with subscribe_stream(second, "bot/camera", lambda message: found.append(message.data[0])):
+            time.sleep(0.1)
+            for burst in range(1, 101):
+                for i in range(8):
+                    frames.put(bytes([i]) * 15_000)
+                assert until(lambda burst=burst: len(found) == 8 * burst), burst
+        assert found == list(range(8)) * 100
+
+
 def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest_after_a_long_one():
     with pair() as (first, second), Frames(first, "bot/camera", "sensor_msgs/msg/Image") as frames:
         seen: list[int] = []
@@ -182,6 +194,28 @@ def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest
                 time.sleep(0.01)
             stall.set()
             assert until(lambda: seen == [10, 16])
+
+
+def test_a_patient_reader_that_is_too_slow_still_gets_what_is_new():
+    with pair() as (first, second), Frames(first, "bot/camera", "sensor_msgs/msg/Image") as frames:
+        ages: list[float] = []
+        seen: list[int] = []
+
+        def slow(message: Received) -> None:
+            ages.append(message.age_s())
+            seen.append(message.data[0])
+            time.sleep(0.05)
+
+        with subscribe_latest(second, "bot/camera", slow, patience_s=1e3) as subscription:
+            time.sleep(0.1)
+            for i in range(200):
+                frames.put(bytes([i]))
+                time.sleep(0.01)
+            assert until(lambda: seen[-1] == 199)
+        assert seen == sorted(seen)
+        assert len(seen) < 80
+        assert subscription.missed == 200 - len(seen) - seen[0]
+        assert sorted(ages)[len(ages) // 2] < 0.5  # a queue of sixteen would be eight tenths of a second behind
 
 
 def test_a_stream_is_whole_and_in_order_across_a_stall():
