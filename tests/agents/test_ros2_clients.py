@@ -1,6 +1,7 @@
 """ROS 2 clients that others wrote, with a robot's drive in their hands: rclpy, PyZeROS, zenoh-ros2-sdk.
 
-They live in an environment of their own: `make ros-venv`, or LLRP_ROS_PYTHON names its Python.
+They live in an environment of their own: `make ros-venv`, or LLRP_ROS_PYTHON names its Python. The drives want a
+machine that is not starved: pictures that waited longer than `transport.stale_s` are skipped, as they should be.
 """
 
 import json
