@@ -10,11 +10,10 @@ import threading
 from collections import Counter
 from pathlib import Path
 from queue import SimpleQueue
-from types import TracebackType
-from typing import Self
 
 from agents import messages
 from agents.transport import Received, Session, subscribe_all, topic
+from replay.closing import Closing
 from replay.recording import Message, RecordingError, Writer
 
 logger = logging.getLogger(__name__)
@@ -62,7 +61,7 @@ class SensorClock:
         return self._now_ns
 
 
-class Recorder:
+class Recorder(Closing):
     """Records all topics of a robot until it is closed.
 
     Attributes:
@@ -111,14 +110,6 @@ class Recorder:
         self._thread.join(_CLOSE_S)
         if self.drops or self.missed:
             logger.warning("%s: dropped %s; never came: %d", self.path, dict(self.drops) or "nothing", self.missed)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _take(self, message: Received) -> None:
         """On the bus's time: weighs the message and puts it by."""

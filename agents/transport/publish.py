@@ -2,8 +2,7 @@
 
 import os
 from collections.abc import Callable
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import zenoh
 from zenoh import CongestionControl, Priority, ext
@@ -12,6 +11,7 @@ from agents.transport.naming import PUBLISHER_BYTES
 from agents.transport.ros_graph import Qos
 from agents.transport.samples import encoding
 from agents.transport.session import Session
+from replay.closing import Closing
 
 # How many messages a reader may be behind, or a link be cut for, and still get all of them: 100 s of odometry at 20 Hz.
 STREAM_CACHE = 2000
@@ -31,7 +31,7 @@ class _Way(NamedTuple):
     token: zenoh.LivelinessToken | None
 
 
-class Publisher:
+class Publisher(Closing):
     """Sends to one topic; not for two threads at once. Use `Frames`, `Stream` or `State`.
 
     Attributes:
@@ -64,14 +64,6 @@ class Publisher:
             way.publisher.undeclare()
             if way.token is not None:
                 way.token.undeclare()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _way(self, type_name: str) -> _Way:
         """Declared when a type is first sent; types that share a key share the way."""

@@ -4,13 +4,12 @@ import json
 import re
 import socket
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 import zenoh
 
 from agents.transport.naming import Naming, Plain, Ros2Zenoh
 from agents.transport.ros_graph import Qos, RosGraph
+from replay.closing import Closing
 
 # Everybody listens somewhere: agents link directly, and a hub that goes takes no link of the others with it.
 _ANY_LOOPBACK_PORT = ("tcp/127.0.0.1:0",)
@@ -24,7 +23,7 @@ class TransportError(RuntimeError):
     """Agents cannot meet; the message says where they tried."""
 
 
-class Session:
+class Session(Closing):
     """A Zenoh session, and what topics are called on it. Made by `open_session`.
 
     Attributes:
@@ -47,14 +46,6 @@ class Session:
     def close(self) -> None:
         """Ends every subscription and publisher, too."""
         self.zenoh.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def open_session(

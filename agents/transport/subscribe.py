@@ -6,8 +6,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
-from types import TracebackType
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import zenoh
 from zenoh import ext
@@ -17,6 +16,7 @@ from agents.transport.publish import STREAM_CACHE
 from agents.transport.ros_graph import Qos
 from agents.transport.samples import Received, received
 from agents.transport.session import Session
+from replay.closing import Closing
 
 logger = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class Ring(Declared[zenoh.Sample], Protocol):
         ...
 
 
-class Drain:
+class Drain(Closing):
     """A thread that hands everything from a channel to a handler, until the channel ends.
 
     Attributes:
@@ -78,14 +78,6 @@ class Drain:
         if threading.current_thread() is not self._thread:
             self._thread.join(_CLOSE_S)
         self._abandoned = True
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _run(self, channel: Declared[T], handler: Callable[[T], None]) -> None:
         for item in channel:

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
+from replay.closing import Closing
 from replay.recording.interrupts import whole
 from replay.recording.message import Message, RecordingError
 
@@ -15,7 +14,7 @@ from replay.recording.message import Message, RecordingError
 CHUNK_BYTES = 64 * 1024
 
 
-class Writer:
+class Writer(Closing):
     """A recording being written.
 
     Args:
@@ -104,14 +103,6 @@ class Writer:
                 ) from error
             finally:
                 self._close_file()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _channel(self, message: Message) -> int:
         key = message.topic, message.type

@@ -7,12 +7,12 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 import serial
 from serial.tools import list_ports
 from thymiodirect.message import Message
+
+from replay.closing import Closing
 
 _TCP = "tcp/"
 _USB_VENDOR = 0x0617
@@ -30,7 +30,7 @@ class LinkError(RuntimeError):
     """No talking to the Thymio; the message says why, and what to do."""
 
 
-class Link:
+class Link(Closing):
     """A line to one Thymio, or to several behind one dongle.
 
     One thread may receive while others send.
@@ -74,14 +74,6 @@ class Link:
     def close(self) -> None:
         """Hang up; a second call does nothing."""
         self._line.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _settle(self) -> None:
         """Begin between two messages: a Thymio that is running speaks already, and the first may be half gone."""
