@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from agents.controllers.motion import (
     HEADING_TOLERANCE_RAD,
     WAY_TOLERANCE_M,
-    StuckWatch,
     advancing,
     heading_error,
     turning,
 )
+from agents.controllers.touch import ByTouch
 from llrp_online.configuration.running import Control
 
 Floats = NDArray[np.float64]
@@ -36,7 +36,7 @@ class Phase(Enum):
     AWAY = "away"
 
 
-class Explore:
+class Explore(ByTouch):
     """The acquisition behaviour. Needs the short-range bits, no predictions; without recent bits it stands still.
 
     What ends a move early: in FORWARD, being stuck counts as an obstacle (something too thin or too low to be felt); in
@@ -50,9 +50,7 @@ class Explore:
     """
 
     def __init__(self, control: Control, seed: int) -> None:
-        self._control = control
-        self._rng = np.random.default_rng(seed)
-        self._watch = StuckWatch(control.stuck_s)
+        super().__init__(control, seed)
         self._offsets_rad = np.deg2rad(control.directions_deg)
         self._directions: list[float] = []  # headings still to look along at this obstacle
         self._obstacle_rad = 0.0  # the heading in which it was met
@@ -60,35 +58,15 @@ class Explore:
         self._post: Floats = np.zeros(3)  # where all strokes at this obstacle begin and end
         self._way_m = 0.0  # how far this stroke goes, negative backwards
         self._away_tries = 0
-        self._began_ns: int | None = None
-        self._began: Floats = np.zeros(3)
         self.phase = Phase.FORWARD
 
-    def command(
-        self,
-        t_ns: int,
-        odometry_pose: Floats,
-        bits: NDArray[np.int8] | None,
-        prediction: NDArray[np.float32] | None,  # noqa: ARG002 this one drives on what it feels
-    ) -> tuple[float, float]:
-        """Forward speed [m/s] and turning rate [rad/s]; see `agents.controllers.Controller`."""
-        if bits is None:
-            self._began_ns = None  # standing still is no sign of being stuck
-            return 0.0, 0.0
-        if self._began_ns is None:
-            self._restart(t_ns, odometry_pose)
-        felt = bool((bits == 1).any())
-        if self._is_over(t_ns, odometry_pose, felt):
-            self._enter_next(odometry_pose, felt)
-            self._restart(t_ns, odometry_pose)
-        return self._drive(odometry_pose)
+    def _decide(self, t_ns: int, pose: Floats, felt: NDArray[np.bool_], *, stuck: bool) -> None:
+        something = bool(felt.any())
+        if self._is_over(t_ns, pose, something, stuck):
+            self._enter_next(pose, something)
+            self._begin(t_ns, pose)
 
-    def _restart(self, t_ns: int, pose: Floats) -> None:
-        self._began_ns, self._began = t_ns, pose
-        self._watch.restart(t_ns, pose)
-
-    def _is_over(self, t_ns: int, pose: Floats, felt: bool) -> bool:
-        stuck = self._watch.stuck(t_ns, pose)
+    def _is_over(self, t_ns: int, pose: Floats, felt: bool, stuck: bool) -> bool:
         if self.phase is Phase.FORWARD:
             return felt or stuck
         late = self._began_ns is not None and t_ns - self._began_ns > self._control.give_up_s * 1e9

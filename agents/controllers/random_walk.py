@@ -13,11 +13,11 @@ from agents.controllers.motion import (
     BACK_OFF_M,
     HEADING_TOLERANCE_RAD,
     WAY_TOLERANCE_M,
-    StuckWatch,
     advancing,
     heading_error,
     turning,
 )
+from agents.controllers.touch import ByTouch
 from llrp_online.configuration.running import Control
 
 Floats = NDArray[np.float64]
@@ -33,7 +33,7 @@ class Phase(Enum):
     TURN = "turn"
 
 
-class RandomWalk:
+class RandomWalk(ByTouch):
     """Drives on the short-range bits; without recent bits it stands still.
 
     It turns away from the side that feels more. If something is still felt after the turn, it turns on the same way
@@ -47,33 +47,16 @@ class RandomWalk:
     """
 
     def __init__(self, control: Control, seed: int) -> None:
-        self._control = control
-        self._rng = np.random.default_rng(seed)
-        self._watch = StuckWatch(control.stuck_s)
+        super().__init__(control, seed)
         self._side = 1.0  # of the turn: 1 left, -1 right
         self._target_rad = 0.0
-        self._began: Floats | None = None
         self.phase = Phase.FORWARD
 
-    def command(
-        self,
-        t_ns: int,
-        odometry_pose: Floats,
-        bits: NDArray[np.int8] | None,
-        prediction: NDArray[np.float32] | None,  # noqa: ARG002 this one drives on what it feels
-    ) -> tuple[float, float]:
-        """Forward speed [m/s] and turning rate [rad/s]; see `agents.controllers.Controller`."""
-        if bits is None:
-            self._began = None  # standing still is no sign of being stuck
-            return 0.0, 0.0
-        if self._began is None:
-            self._began = odometry_pose
-            self._watch.restart(t_ns, odometry_pose)
-        phase = self._next_phase(odometry_pose, bits == 1, self._watch.stuck(t_ns, odometry_pose))
+    def _decide(self, t_ns: int, pose: Floats, felt: NDArray[np.bool_], *, stuck: bool) -> None:
+        phase = self._next_phase(pose, felt, stuck)
         if phase is not None:
-            self.phase, self._began = phase, odometry_pose
-            self._watch.restart(t_ns, odometry_pose)
-        return self._drive(odometry_pose)
+            self.phase = phase
+            self._begin(t_ns, pose)
 
     def _next_phase(self, pose: Floats, felt: NDArray[np.bool_], stuck: bool) -> Phase | None:
         """The phase to enter now, or None to go on with this one."""
@@ -103,8 +86,7 @@ class RandomWalk:
         self._target_rad = float(pose[2]) + self._side * float(self._rng.uniform(*TURN_RAD))
 
     def _remaining_m(self, pose: Floats) -> float:
-        began = pose if self._began is None else self._began
-        return float(np.hypot(*(pose[:2] - began[:2]))) - BACK_OFF_M
+        return self._went_m(pose) - BACK_OFF_M
 
     def _drive(self, pose: Floats) -> tuple[float, float]:
         if self.phase is Phase.FORWARD:

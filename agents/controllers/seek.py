@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.controllers.known import CELL_M, Known
-from agents.controllers.motion import BACK_OFF_M, WAY_TOLERANCE_M, StuckWatch, heading_error, turning
+from agents.controllers.motion import BACK_OFF_M, WAY_TOLERANCE_M, heading_error, turning
+from agents.controllers.touch import ByTouch
 from llrp_online.configuration.running import Control
 
 Floats = NDArray[np.float64]
@@ -33,7 +34,7 @@ class Phase(Enum):
     TURN = "turn"
 
 
-class Seek:
+class Seek(ByTouch):
     """Drives on the short-range bits, faster than others do; without recent bits it stands still.
 
     >>> seek = Seek(Control(), seed=0)
@@ -42,35 +43,19 @@ class Seek:
     """
 
     def __init__(self, control: Control, seed: int) -> None:
-        turn_rad_s = control.seek_turn_rad_s
-        self._control = control.model_copy(update={"speed_m_s": control.seek_speed_m_s, "turn_rad_s": turn_rad_s})
-        self._rng = np.random.default_rng(seed)
-        self._watch = StuckWatch(control.stuck_s)
+        fast = {"speed_m_s": control.seek_speed_m_s, "turn_rad_s": control.seek_turn_rad_s}
+        super().__init__(control.model_copy(update=fast), seed)
         self._known = Known()
         self._target_rad = 0.0
         self._side = 1.0  # of the turn: 1 left, -1 right
         self._onward = 0  # how often this turn was prolonged
-        self._began: Floats | None = None
         self.phase = Phase.FORWARD
 
-    def command(
-        self,
-        t_ns: int,
-        odometry_pose: Floats,
-        bits: NDArray[np.int8] | None,
-        prediction: NDArray[np.float32] | None,  # noqa: ARG002 this one drives on what it feels
-    ) -> tuple[float, float]:
-        """Forward speed [m/s] and turning rate [rad/s]; see `agents.controllers.Controller`."""
-        if bits is None:
-            self._began = None  # standing still is no sign of being stuck
-            return 0.0, 0.0
-        if self._began is None:
-            self._enter(self.phase, t_ns, odometry_pose)
-        self._known.drove(odometry_pose)
-        self._decide(t_ns, odometry_pose, felt=bool((bits == 1).any()), stuck=self._watch.stuck(t_ns, odometry_pose))
-        return self._drive(odometry_pose)
+    def _decide(self, t_ns: int, pose: Floats, felt: NDArray[np.bool_], *, stuck: bool) -> None:
+        self._known.drove(pose)
+        self._act(t_ns, pose, felt=bool(felt.any()), stuck=stuck)
 
-    def _decide(self, t_ns: int, pose: Floats, *, felt: bool, stuck: bool) -> None:
+    def _act(self, t_ns: int, pose: Floats, *, felt: bool, stuck: bool) -> None:
         """Go on as it is, or enter the next phase."""
         if stuck and self.phase is not Phase.BACK_OFF:
             self._known.met(t_ns, pose, CELL_M)
@@ -108,12 +93,8 @@ class Seek:
             self._enter(Phase.CLOSER, t_ns, pose)
 
     def _enter(self, phase: Phase, t_ns: int, pose: Floats) -> None:
-        self.phase, self._began = phase, pose
-        self._watch.restart(t_ns, pose)
-
-    def _went_m(self, pose: Floats) -> float:
-        began = pose if self._began is None else self._began
-        return float(np.hypot(*(pose[:2] - began[:2])))
+        self.phase = phase
+        self._begin(t_ns, pose)
 
     def _drive(self, pose: Floats) -> tuple[float, float]:
         if self.phase is Phase.TURN:
