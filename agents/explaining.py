@@ -6,6 +6,7 @@ The labels are those that `llrp label` writes: the same labeller reads the same 
 from pathlib import Path
 from typing import Any
 
+from agents.frames import frames_in
 from agents.intake import Intake
 from agents.offline import messages_of
 from llrp_online.configuration import RobotConfiguration
@@ -34,17 +35,15 @@ def explain_at(configuration: RobotConfiguration, path: Path, at_s: float) -> tu
 
 def _nearest_frame(configuration: RobotConfiguration, path: Path, at_s: float) -> tuple[int, int]:
     """Times of the first frame, and of the one nearest to `at_s` after it."""
-    intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True)
+    intake = Intake(configuration)
     late_ns = round(configuration.odometry.max_delay_s * 1e9)
     found: tuple[int, int] | None = None
-    for message, _ in messages_of(path, intake):
-        for event in intake.events(message.topic, message.type, message.data, message.log_ns):
-            for frame in labeller.take(event).frames:
-                first_ns, nearest_ns = found or (frame.t_ns, frame.t_ns)
-                wanted_ns = first_ns + round(at_s * 1e9)
-                found = first_ns, min(nearest_ns, frame.t_ns, key=lambda t_ns: abs(t_ns - wanted_ns))
-                if frame.t_ns > wanted_ns + late_ns:
-                    return found
+    for frame in frames_in(configuration, intake, (message for message, _ in messages_of(path, intake))):
+        first_ns, nearest_ns = found or (frame.t_ns, frame.t_ns)
+        wanted_ns = first_ns + round(at_s * 1e9)
+        found = first_ns, min(nearest_ns, frame.t_ns, key=lambda t_ns: abs(t_ns - wanted_ns))
+        if frame.t_ns > wanted_ns + late_ns:
+            break
     if found is None:
         raise ValueError(f"{path}: it has no frame; see `llrp check {path}` for the cause")
     return found

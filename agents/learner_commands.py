@@ -10,10 +10,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_origin
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from agents import messages
 from llrp_online.learner import Learner
 
 #: Pictures of the memory that one reply holds at most: they are to be looked at, and the learner waits meanwhile.
@@ -118,9 +118,7 @@ def _memory(learner: Learner, pictures: int) -> dict[str, Any]:
 def _jpeg(picture: NDArray[np.uint8]) -> str:
     """(H, W, 3 * cameras) as a JPEG in base64, the cameras side by side."""
     cameras = np.split(picture, picture.shape[2] // 3, axis=2)
-    side_by_side = cv2.cvtColor(np.concatenate(cameras, axis=1), cv2.COLOR_RGB2BGR)
-    _, data = cv2.imencode(".jpg", side_by_side, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return base64.b64encode(np.asarray(data, np.uint8).tobytes()).decode("ascii")
+    return base64.b64encode(messages.jpeg(np.concatenate(cameras, axis=1), _JPEG_QUALITY)).decode("ascii")
 
 
 _COMMANDS: dict[str, Callable[..., Any]] = {

@@ -58,16 +58,19 @@ def shares(recording: Recording) -> Iterator[tuple[Message, float]]:
     first_ns: int | None = None
     for message in recording:
         first_ns = message.log_ns if first_ns is None else first_ns
-        span_ns = max((recording.report.last_ns or 0) - first_ns, 1)
-        yield message, (message.log_ns - first_ns) / span_ns
+        yield message, _share(recording, first_ns, message)
+
+
+def _share(recording: Recording, first_ns: int, message: Message) -> float:
+    return (message.log_ns - first_ns) / max((recording.report.last_ns or 0) - first_ns, 1)
 
 
 def _events_of(path: Path, intake: Intake, told: Share) -> Iterator[list[Event]]:
     """What the messages of a recording mean, many at once; MissingTopicsError as `messages_of`."""
-    reader = shares(read(path))
-    while found := list(islice(reader, _AT_ONCE)):
-        told(found[-1][1])
-        messages = [message for message, _ in found]
+    recording, first_ns = read(path), None
+    while messages := list(islice(recording, _AT_ONCE)):
+        first_ns = messages[0].log_ns if first_ns is None else first_ns
+        told(_share(recording, first_ns, messages[-1]))
         events = (intake.events(message.topic, message.type, message.data, message.log_ns) for message in messages)
         yield [event for found in events for event in found]
     _must_have_come(path, intake)

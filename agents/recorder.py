@@ -12,6 +12,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from agents import messages
+from agents.topics import ODOMETRY_TYPE
 from agents.transport import Received, Session, subscribe_all, topic
 from replay.closing import Closing
 from replay.recording import Message, RecordingError, Writer
@@ -176,6 +177,6 @@ class Recorder(Closing):
 
 
 def _is_sensor(type_name: str) -> bool:
-    return type_name == "nav_msgs/msg/Odometry" or (
+    return type_name == ODOMETRY_TYPE or (
         type_name.startswith("sensor_msgs/") and type_name != "sensor_msgs/msg/PointCloud2"
     )

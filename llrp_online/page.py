@@ -1,11 +1,9 @@
-"""Pages that open anywhere, without a network: their parts, and a way to write files whole or not at all."""
+"""The parts of pages that open anywhere, without a network."""
 
 import base64
 import html
 import math
-import os
 from collections.abc import Sequence
-from pathlib import Path
 
 from matplotlib.figure import Figure
 
@@ -72,13 +70,3 @@ def number(value: float | None) -> str:
     ('0.988', 'undefined')
     """
     return "undefined" if value is None or math.isnan(value) else f"{value:.3f}"
-
-
-def replace(file: Path, text: str) -> None:
-    """Write beside and rename: a reader meets the old file or the new one, never a part."""
-    beside = file.with_name(f".{file.name}.new")
-    with beside.open("w", encoding="utf-8") as stream:
-        stream.write(text)
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside.replace(file)

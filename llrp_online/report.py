@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.files import replace
 from llrp_online.metrics import Score
-from llrp_online.page import document, image, number, replace, section, table
+from llrp_online.page import document, image, number, section, table
 
 #: Robot minute, mean AUC up to 25 cm and up to 15 cm (None: undefined), and the targets x sensors the former is of.
 CurvePoint = tuple[float, float | None, float | None, int]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from replay.columns import Samples
 from replay.labels import UNKNOWN
-from replay.poses import Floats, relative
+from replay.poses import Floats, relative, wrap
 from replay.solver import Store
 from replay.uncertainty import SUMS, StepNoise, axes, relative_covariance, step_sums
 
@@ -66,7 +66,7 @@ def explain(store: Store, row: int, noise: StepNoise | None) -> Explanation:
         rows = _reading_rows(store, frames.best_t_ns[row, stream, target], stream)
         readings = store.readings.columns
         off = relative(_pose(frames, np.array([row])), _pose(readings, rows)) - _targets(store, target)
-        off[:, 2] = (off[:, 2] + np.pi) % (2 * np.pi) - np.pi
+        off[:, 2] = wrap(off[:, 2])
         found = np.stack([frames.best[row, stream, target], off[:, 2], *_deviations(store, t_ns, rows, noise)])
         for place in range(store.places.sensors.shape[1]):
             sensor = store.places.sensors[stream, place]

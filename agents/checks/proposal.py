@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.checks.survey import ODOMETRY, PICTURES, Candidate, Survey, Topic, usual_speed_m_s
+from agents.checks.survey import PICTURES, Candidate, Survey, Topic, usual_speed_m_s
+from agents.topics import ODOMETRY_TYPE, relative_topic
 
 _WIDTH = 80
 #: A threshold is put where this share of the readings is near: rare enough to mean something, and still to be learned.
@@ -41,7 +42,7 @@ def propose(survey: Survey, name: str) -> Proposal:
     if not cameras:
         missing.append(f"camera: no topic with pictures that can be decoded ({' or '.join(PICTURES)})")
     if not survey.poses:
-        missing.append(f"odometry: no topic of {ODOMETRY}")
+        missing.append(f"odometry: no topic of {ODOMETRY_TYPE}")
     if not sensors:
         missing.append("short range: no LaserScan, Range, bumper or infrared message")
     if missing:
@@ -54,8 +55,8 @@ def propose(survey: Survey, name: str) -> Proposal:
     robot = robot if robot[0].isalpha() else f"robot_{robot}"
     parts = [
         *_head(survey, robot, set(chosen)),
-        *_camera(survey.topics[camera], _relative(camera, space)),
-        *_odometry(survey, odometry, _relative(odometry, space)),
+        *_camera(survey.topics[camera], relative_topic(space, camera)),
+        *_odometry(survey, odometry, relative_topic(space, odometry)),
         *_short_range(survey, sensors, space),
         *_targets(survey, odometry, sensors),
         *([f'[keys]\nnamespace = "{space}"'] if space else []),
@@ -117,10 +118,6 @@ def _namespace(topics: Sequence[str]) -> str:
     return word if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", word) else ""
 
 
-def _relative(topic: str, space: str) -> str:
-    return topic.removeprefix("/").removeprefix(f"{space}/" if space else "")
-
-
 def _head(survey: Survey, robot: str, chosen: set[str]) -> Iterator[str]:
     others = [
         f"#   {topic}  {what.type}, {what.rate_hz:.1f} a second{f' ({what.fault})' if what.fault else ''}"
@@ -165,7 +162,7 @@ def _short_range(survey: Survey, sensors: Sequence[tuple[Candidate, float]], spa
         lines = [
             "[[short_range]]",
             f'name = "{name}"',
-            f'topic = "{_relative(candidate.topic, space)}"',
+            f'topic = "{relative_topic(space, candidate.topic)}"',
             f'type = "{candidate.type}"',
             f'field = "{latest}{candidate.field}"',
             f"{side} = {limit} # values {min(values):.3g} to {max(values):.3g}",

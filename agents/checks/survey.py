@@ -13,12 +13,12 @@ import numpy as np
 from agents import messages
 from agents.fields import read_field
 from agents.messages import MessageError
+from agents.topics import ODOMETRY_TYPE
 from llrp_online.configuration.field import Field
 from llrp_online.events import OdometrySample
 from replay.recording import Message
 
 PICTURES = ("sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/Image")
-ODOMETRY = "nav_msgs/msg/Odometry"
 #: Scans with no more beams than this are taken beam by beam, others by sectors.
 FEW_BEAMS = 16
 SECTORS_DEG = (("left", 15, 45), ("center", -15, 15), ("right", -45, -15))
@@ -93,8 +93,8 @@ class Survey:
         try:
             if message.type in PICTURES:
                 self._look(topic, message)
-            elif message.type == ODOMETRY:
-                self.poses[message.topic].append(messages.odometry_sample(messages.decode(ODOMETRY, message.data)))
+            elif message.type == ODOMETRY_TYPE:
+                self.poses[message.topic].append(messages.odometry_sample(messages.decode(ODOMETRY_TYPE, message.data)))
             else:
                 self._measure(message)
         except MessageError as error:

@@ -15,14 +15,7 @@ _PORT = 8080
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        metavar="ADDRESS",
-        help="listen on this address; any but loopback lets whoever reaches it watch and stop the robot "
-        "(default: 127.0.0.1)",
-    )
-    parser.add_argument("--port", type=int, default=_PORT, help=f"0: any that is free (default: {_PORT})")
+    options.add_listening(parser, _PORT, "watch and stop the robot")
     parser.add_argument(
         "--save-to",
         type=Path,

@@ -2,11 +2,10 @@
 
 import argparse
 import json
-import os
 from collections.abc import Iterator
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +16,8 @@ from agents.progress import track
 from llrp_online import checkpoint
 from llrp_online.calibration import Calibration
 from llrp_online.configuration import RobotConfiguration, validate
+from llrp_online.files import replace
 from replay import compiling
-
-if TYPE_CHECKING:
-    import onnx
 
 FRAMES = 1000
 #: Both sum in single precision and in another order: what is left of that after a sigmoid is a hundredth of this.
@@ -85,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
         )
     checked = {"checked_frames": str(check.frames), "largest_difference": f"{check.largest_difference:.3g}"}
     describe(model, checked)
-    _write(arguments.onnx, model)
+    replace(arguments.onnx, model.SerializeToString())
     if arguments.json:
         found = {"frames": check.frames, "largest_difference": check.largest_difference}
         print(json.dumps({"onnx": str(arguments.onnx), **found, "metadata": metadata(model)}))
@@ -116,13 +113,3 @@ def _remembered(path: Path, most: int) -> Iterator[NDArray[np.uint8]]:
         inside = wanted[(wanted >= begin) & (wanted < begin + len(pictures))]
         yield from pictures[inside - begin]
         begin += len(pictures)
-
-
-def _write(file: Path, model: "onnx.ModelProto") -> None:
-    """Beside and renamed: whoever loads it meets the old file or the new one."""
-    beside = file.with_name(f".{file.name}.new")
-    with beside.open("wb") as stream:
-        stream.write(model.SerializeToString())
-        stream.flush()
-        os.fsync(stream.fileno())
-    beside.replace(file)

@@ -11,15 +11,7 @@ _PORT = 8765
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser, "configs/thymio.toml")
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        help="address to listen on; another than this machine's own opens the robot's view to whoever reaches it "
-        "(default: 127.0.0.1)",
-    )
-    parser.add_argument(
-        "--port", type=options.whole(0, 65535), default=_PORT, help=f"0: any that is free (default {_PORT})"
-    )
+    options.add_listening(parser, _PORT, "watch the robot")
     parser.epilog = (
         "In Foxglove: Open connection, Foxglove WebSocket, the address that is printed; then Layouts, Import from\n"
         "file, configs/foxglove-layout.json. Foxglove only looks: it cannot command the robot.\n\n"

@@ -95,6 +95,17 @@ def add_minutes(parser: argparse.ArgumentParser, default: float, what: str) -> N
     parser.add_argument("--minutes", type=positive, default=default, help=f"{what} (default: {shown})")
 
 
+def add_listening(parser: argparse.ArgumentParser, port: int, exposed: str) -> None:
+    """--host and --port, of what serves people; `exposed` says what whoever reaches it can do."""
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help=f"listen on this address; any but loopback lets whoever reaches it {exposed} (default: 127.0.0.1)",
+    )
+    parser.add_argument("--port", type=whole(0, 65535), default=port, help=f"0: any that is free (default: {port})")
+
+
 def add_port(parser: argparse.ArgumentParser) -> None:
     """--port, of a real Thymio."""
     parser.add_argument(

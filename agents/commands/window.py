@@ -12,6 +12,7 @@ from agents.progress import track_recordings
 from agents.window_answer import Answer, compare, learner_of
 from llrp_online import figures, page
 from llrp_online.configuration import RobotConfiguration
+from llrp_online.files import replace
 
 _HEADS = ("window", "known a frame", "positive a frame", "agreeing", "bits felt twice", "worth a frame")
 _NOTE = (
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         answer = answer.scored(
             {row.window: _learned(configuration, row.window, arguments.recordings) for row in answer.rows}
         )
-    page.replace(arguments.output, _page(configuration, answer, arguments.recordings))
+    replace(arguments.output, _page(configuration, answer, arguments.recordings))
     if arguments.json:
         print(json.dumps(answer.as_json(), allow_nan=False))
     else:

@@ -155,8 +155,7 @@ class Collector:
     # --- what comes
 
     def _sense(self, message: Received) -> None:
-        sent_ns = time.time_ns() if message.sent is None else message.sent.wall_ns
-        for event in self._intake.events(message.key, message.type, message.data, sent_ns):
+        for event in self._intake.events(message.key, message.type, message.data, message.wall_ns()):
             if isinstance(event, OdometrySample):
                 epoch = self.ground.epoch
                 self.ground.odometry(event)

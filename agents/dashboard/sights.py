@@ -43,10 +43,7 @@ class Shot:
         if pixels.shape[1] > _WIDEST_PX:
             size = _WIDEST_PX, round(pixels.shape[0] * _WIDEST_PX / pixels.shape[1])
             pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
-        _, data = cv2.imencode(
-            ".jpg", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-        )
-        return np.asarray(data, np.uint8).tobytes()
+        return messages.jpeg(pixels, _JPEG_QUALITY)
 
     @property
     def media_type(self) -> str:

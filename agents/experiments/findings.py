@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from agents.experiments.statistics import median
 from llrp_online import figures, page
+from llrp_online.files import replace
 from llrp_online.report import versions
 
 
@@ -170,11 +171,11 @@ def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
         "claims": [claim.as_json() for claim in findings.claims],
         "numbers": findings.numbers,
     }
-    page.replace(folder / "report.json", json.dumps(told, indent=1, allow_nan=False))
+    replace(folder / "report.json", json.dumps(told, indent=1, allow_nan=False))
     for plot in findings.plots:
-        (folder / f"{plot.name}.png").write_bytes(figures.png(plot.figure))
-        page.replace(folder / f"{plot.name}.svg", _svg(plot.figure))
-    page.replace(folder / "report.html", _page(findings, seeds))
+        replace(folder / f"{plot.name}.png", figures.png(plot.figure))
+        replace(folder / f"{plot.name}.svg", _svg(plot.figure))
+    replace(folder / "report.html", _page(findings, seeds))
     return folder / "report.html"
 
 

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from agents.experiments.findings import Findings, section
-from llrp_online.page import replace
+from llrp_online.files import replace
 
 _HEAD = """# Results
 

@@ -22,8 +22,8 @@ def configuration_of(robot: str) -> RobotConfiguration:
 
 def plain(configuration: RobotConfiguration) -> dict[str, Any]:
     """The whole configuration, as JSON values: what a trial depends on."""
-    usual = {name: field.get_default() for name, field in RobotConfiguration.model_fields.items()}
-    left_out = {name for name in _YOUNGER if getattr(configuration, name) == usual[name]}
+    usual = RobotConfiguration.model_fields
+    left_out = {name for name in _YOUNGER if getattr(configuration, name) == usual[name].get_default()}
     return configuration.model_dump(mode="json", exclude=left_out)
 
 

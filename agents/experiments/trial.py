@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.experiments.shared import digest
-from llrp_online.page import replace
+from llrp_online.files import replace
 
 #: What a trial gives: plain JSON values, the same bytes for the same parameters.
 Result = dict[str, Any]

@@ -5,7 +5,7 @@ sensor's clock, in the message's header.
 """
 
 from agents.messages.codec import MessageError, decode, definition, encode, header, stamp_ns, time_ns, type_hash
-from agents.messages.pictures import compressed_image, image, picture, quick_picture
+from agents.messages.pictures import compressed_image, image, jpeg, picture, quick_picture
 from agents.messages.points import LabelCloud, PredictionCloud, labels, prediction, read_labels, read_prediction
 from agents.messages.poses import odometry, odometry_sample, quick_odometry
 from agents.messages.shortcut import flat_picture, flat_scan
@@ -34,6 +34,7 @@ __all__ = [
     "flat_scan",
     "header",
     "image",
+    "jpeg",
     "labels",
     "laser_scan",
     "odometry",

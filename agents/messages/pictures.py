@@ -27,9 +27,18 @@ def compressed_image(
 ) -> CompressedImage:
     """`pixels` (H, W, 3) uint8 RGB as a sensor_msgs/CompressedImage; `quality` is JPEG's, 1 to 100."""
     _check(pixels)
+    return CompressedImage(header(t_ns, frame), codec, _encoded(pixels, codec, quality))
+
+
+def jpeg(pixels: Pixels, quality: int) -> bytes:
+    """`pixels` (H, W, 3) uint8 RGB as a file; `quality` 1 to 100."""
+    return _encoded(pixels, "jpeg", quality).tobytes()
+
+
+def _encoded(pixels: Pixels, codec: str, quality: int) -> Pixels:
     options = [cv2.IMWRITE_JPEG_QUALITY, quality] if codec == "jpeg" else []
     _, data = cv2.imencode(f".{codec}", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), options)
-    return CompressedImage(header(t_ns, frame), codec, np.asarray(data, np.uint8).ravel())
+    return np.asarray(data, np.uint8).ravel()
 
 
 def image(t_ns: int, pixels: Pixels, frame: str = "camera") -> Image:

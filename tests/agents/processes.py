@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -63,29 +64,15 @@ def patience_s() -> float:
     return 2.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
-class Agents:
-    """Starts agents and listens to them; ends them all with the block."""
+class Processes:
+    """Processes that meet on one endpoint, on which a session listens; all end with the block."""
 
     def __init__(self, folder: Path, config: Path, *, hub: bool = True) -> None:
         self.folder, self.config, self.endpoint = folder, config, free_endpoint()
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        naming = naming_of(load(config))
-        self.session = open_session(self.endpoint, hub=hub, name="test", naming=naming)
-        self.learner: LearnerStatus | None = None
-        self.perceiver: status.PerceiverStatus | None = None
-        self.robot: status.RobotStatus | None = None
-        self.counts: dict[str, int] = {"odom": 0, "range": 0, "prediction": 0, "labels": 0, "learner/weights": 0}
-        self.missed = {name: subscribe_stream(self.session, self.key(name), self._count) for name in self.counts}
-        self.commands: list[tuple[float, float]] = []
-        for topic, hear in (
-            (topics.LEARNER_STATUS, self._hear_learner),
-            (topics.PERCEIVER_STATUS, self._hear_perceiver),
-            (topics.ROBOT_STATUS, self._hear_robot),
-        ):
-            subscribe_state(self.session, self.key(topic), hear)
-        subscribe_stream(self.session, self.key(topics.COMMAND), self._hear_command)
+        self.session = open_session(self.endpoint, hub=hub, name="test", naming=naming_of(load(config)))
 
-    def __enter__(self) -> "Agents":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -93,9 +80,6 @@ class Agents:
             process.kill()
             process.wait()
         self.session.close()
-
-    def key(self, topic: str) -> str:
-        return key("thymio", topic)
 
     def start(self, name: str, *words: str, python: str = sys.executable) -> None:
         """`llrp WORDS` as `name`, whose last process, if any, has ended."""
@@ -115,6 +99,29 @@ class Agents:
 
     def said(self, name: str) -> str:
         return self.log(name).read_text()
+
+
+class Agents(Processes):
+    """Starts agents and listens to them; ends them all with the block."""
+
+    def __init__(self, folder: Path, config: Path, *, hub: bool = True) -> None:
+        super().__init__(folder, config, hub=hub)
+        self.learner: LearnerStatus | None = None
+        self.perceiver: status.PerceiverStatus | None = None
+        self.robot: status.RobotStatus | None = None
+        self.counts: dict[str, int] = {"odom": 0, "range": 0, "prediction": 0, "labels": 0, "learner/weights": 0}
+        self.missed = {name: subscribe_stream(self.session, self.key(name), self._count) for name in self.counts}
+        self.commands: list[tuple[float, float]] = []
+        for topic, hear in (
+            (topics.LEARNER_STATUS, self._hear_learner),
+            (topics.PERCEIVER_STATUS, self._hear_perceiver),
+            (topics.ROBOT_STATUS, self._hear_robot),
+        ):
+            subscribe_state(self.session, self.key(topic), hear)
+        subscribe_stream(self.session, self.key(topics.COMMAND), self._hear_command)
+
+    def key(self, topic: str) -> str:
+        return key("thymio", topic)
 
     def is_up(self, name: str) -> bool:
         process = self.processes.get(name)

@@ -19,18 +19,17 @@ import numpy as np
 import pytest
 
 from agents import messages, status, topics
-from agents.agent import PARENT
 from agents.intake import Intake
 from agents.robots.thymio.firmware import Firmware
 from agents.robots.thymio.link import Link, LinkError
-from agents.transport import Frames, State, free_endpoint, key, open_session, subscribe_state, subscribe_stream
+from agents.transport import Frames, State, key, subscribe_state, subscribe_stream
 from llrp_online.configuration import load
 from llrp_online.events import OdometrySample, Reading
 from replay.poses import wrap
 from tests.agents.films import film
 from tests.agents.playground import SCENES, SPEED_UNIT_M_S, TRACK_M, Playground, needs_playground
 from tests.agents.playground_geometry import Scene
-from tests.agents.processes import QUICK, ROOT, until
+from tests.agents.processes import QUICK, ROOT, Processes, until
 
 pytestmark = needs_playground
 
@@ -39,23 +38,21 @@ REST_S = 2.0  # of wall time: longer than a command lives, by far
 SPEED_M_S = 0.1
 
 
-class Bench:
+class Bench(Processes):
     """`llrp robot --kind thymio` as a process, what it says, and somebody who commands it."""
 
     def __init__(self, folder: Path, port: str, extra: str = "", replaced: Mapping[str, str] | None = None) -> None:
-        self.config = folder / "thymio.toml"
+        config = folder / "thymio.toml"
         text = (ROOT / "configs" / "thymio.toml").read_text() + TABLE + extra
         for old, new in (replaced or {}).items():
             assert old in text
             text = text.replace(old, new)
-        self.config.write_text(text)
-        self.configuration = load(self.config)
-        self.endpoint, self.log = free_endpoint(), folder / "robot.log"
-        self.session = open_session(self.endpoint, hub=True, name="test")
+        config.write_text(text)
+        super().__init__(folder, config)
         self.odometry: list[tuple[float, OdometrySample]] = []  # with when it came, by the wall
         self.readings: list[Reading] = []
         self.status: status.ThymioStatus | None = None
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.configuration = load(config)
         intake = Intake(self.configuration)
 
         def hear(message) -> None:
@@ -74,32 +71,12 @@ class Bench:
         self._commands = Frames(self.session, key("thymio", topics.COMMAND), topics.COMMAND_TYPE)
         self.start("robot", "robot", "--kind", "thymio", "--port", port)
 
-    def __enter__(self) -> "Bench":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for process in self.processes.values():
-            process.kill()
-            process.wait()
-        self.session.close()
-
-    def start(self, name: str, *words: str) -> None:
-        with self.log.with_stem(name).open("wb") as log:
-            self.processes[name] = subprocess.Popen(
-                [sys.executable, "-m", "agents.cli", *words, "--config", str(self.config), "--endpoint", self.endpoint],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, PARENT: str(os.getpid())},
-                cwd=ROOT,
-            )
-
     def said(self, name: str = "robot") -> str:
-        return self.log.with_stem(name).read_text()
+        return super().said(name)
 
     def wait_odometry(self, more: int = 10) -> None:
         had = len(self.odometry)
-        until(lambda: len(self.odometry) >= had + more, f"odometry; {self.said()}")
+        until(lambda: len(self.odometry) >= had + more, f"odometry; {self.said('robot')}")
 
     def command(self, speed_m_s: float, turn_rad_s: float = 0.0) -> None:
         self._commands.put(messages.encode(messages.twist(speed_m_s, turn_rad_s)))
@@ -212,7 +189,7 @@ def test_a_silent_robot_is_told_and_found_again(bench, arena):
     until(lambda: bench.status is not None and bench.status.link == "connected", "its word that it is connected")
     with arena.frozen():
         until(lambda: "silent for 1 s" in bench.status.link, "its word that the robot is silent")
-    until(lambda: bench.status.link == "connected", f"another connection; {bench.said()}")
+    until(lambda: bench.status.link == "connected", f"another connection; {bench.said('robot')}")
     bench.wait_odometry()
     times_s = np.array([sample.t_ns for _, sample in bench.odometry]) * 1e-9
     assert np.diff(times_s).max() > bench.configuration.odometry.max_gap_s  # so the trajectory ends there
