@@ -34,6 +34,8 @@ async def obey() -> None:
 async def drive() -> None:
     """Publish a recorded drive at its pace."""
     types = {"/odom": Odometry, "/range": LaserScan, "/camera/image/compressed": CompressedImage}
+    # With the first message that it ever sends PyZeROS compiles something, for some seconds: not while we drive.
+    pyzeros.Pub(Twist, "/nobody").publish(Twist())
     publishers = {topic: pyzeros.Pub(kind, topic) for topic, kind in types.items()}
     await asyncio.sleep(1.0)  # until the agents have found us
     begin_s = time.monotonic()
