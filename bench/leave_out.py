@@ -16,7 +16,7 @@ from scipy.optimize import minimize
 
 from agents.commands.evaluate import ROUNDS
 from agents.offline import labelled_frames
-from agents.progress import track, track_files
+from agents.progress import track, track_recordings
 from llrp_online.configuration import RobotConfiguration, load
 from llrp_online.metrics import Score
 from llrp_online.scoring import Exam
@@ -96,8 +96,8 @@ def main() -> None:
     configuration = load(arguments.config)
     targets, sensors = configuration.targets.build().poses, configuration.sensors
     recordings: list[Frames] = [
-        [(f.picture, f.labels, f.weight) for f in labelled_frames(configuration, path) if (f.labels >= 0).any()]
-        for path in track_files(sorted(arguments.recordings), "labelling")
+        [(f.picture, f.labels, f.weight) for f in labelled_frames(configuration, path, told) if (f.labels >= 0).any()]
+        for path, told in track_recordings(sorted(arguments.recordings), "labelling")
     ]
     guesses: dict[str, list[NDArray[np.floating]]] = {"network": [], "baseline": []}
     truth: list[NDArray[np.int8]] = []

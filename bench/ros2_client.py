@@ -12,9 +12,6 @@ import threading
 import time
 
 import numpy as np
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from sensor_msgs.msg import CompressedImage, PointCloud2
 
 from agents import messages
 from agents.transport import Frames, Received, open_session, subscribe_latest
@@ -29,6 +26,11 @@ def age_ms(data: bytes) -> float:
 
 def main() -> None:
     """Until all pictures are sent."""
+    # Here, for whoever looks through all modules with another Python.
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from sensor_msgs.msg import CompressedImage, PointCloud2
+
     endpoint, count = sys.argv[1], int(sys.argv[2])
     pixels = np.random.default_rng(0).integers(0, 255, (64, 80, 3), np.uint8)
     ages: dict[str, list[float]] = {"ros": [], "zenoh": []}
@@ -59,4 +61,5 @@ def main() -> None:
     rclpy.shutdown()
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -12,11 +12,10 @@ from typing import Any
 
 import psutil
 import pytest
-import zenoh
 
 from agents import messages, topics
 from agents.robots.wire import ODOMETRY_TYPE
-from agents.transport import Received, free_endpoint, key, present, subscribe_stream
+from agents.transport import Received, Session, free_endpoint, key, present, subscribe_stream
 from bench.live import together
 from bench.rows import Figure, Row
 from tests.agents.browser import browser
@@ -45,7 +44,7 @@ FRAMES = """
 class Speeds:
     """When the robot was sent which command, and how fast it went, by the machine's clock."""
 
-    def __init__(self, session: zenoh.Session) -> None:
+    def __init__(self, session: Session) -> None:
         self.commands: list[tuple[float, tuple[float, float]]] = []
         self.speeds: list[tuple[float, float]] = []
         self._subscriptions = [
@@ -75,7 +74,7 @@ class Speeds:
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[zenoh.Session, Any, Path]]:
+def world(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Session, Any, Path]]:
     pytest.importorskip("starlette", reason="to measure the dashboard: pip install 'llrp-online[dashboard]'")
     folder = tmp_path_factory.mktemp("dashboard")
     learn = {"learner": ("learn", "--output", str(folder / "run"), "--json")}
