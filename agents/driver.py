@@ -36,7 +36,7 @@ class Driver:
         self, agent: Agent, configuration: RobotConfiguration, controller: Controller, behaviour: str = ""
     ) -> None:
         self._controller, self._behaviour = controller, behaviour
-        self._outputs = (len(configuration.targets.build()), len(configuration.sensors))
+        self._outputs = configuration.outputs
         self._stale_ns = round(configuration.transport.stale_s * 1e9)
         self._intake = Intake(configuration)
         self._turn = threading.Lock()

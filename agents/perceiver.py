@@ -38,8 +38,7 @@ class Perceiver:
         self._targets, self._sensors = targets.poses, configuration.sensors
         self._intake = Intake(configuration)
         self._synchroniser = Synchroniser(len(configuration.camera), configuration.robot.camera_sync_s)
-        outputs = (len(targets), len(configuration.sensors))
-        self._predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
+        self._predictor = Predictor.of(configuration)
         self._turn = threading.Lock()  # cameras come in threads of their own; a frame is theirs together
         self._latencies_ms: deque[float] = deque(maxlen=_LATENCIES)
         self._arrivals_s: deque[float] = deque(maxlen=_LATENCIES)

@@ -54,7 +54,7 @@ def peak_bytes() -> int:
 def learner_for(frames: int) -> Learner:
     """One whose memory holds so many frames."""
     robot = load("configs/thymio.toml")
-    outputs = (len(robot.targets.build()), len(robot.sensors))
+    outputs = robot.outputs
     each = ReplayBuffer(robot.picture_shape, outputs, BufferSettings(10**8)).frame_bytes
     memory = robot.memory.model_copy(update={"budget_mb": (frames + 1) * each / 1e6})
     return Learner(robot.model_copy(update={"memory": memory}))

@@ -26,7 +26,7 @@ LEADS_S = (-0.001, 0.004)
 
 def test_hand_over(race):
     configuration = load(CONFIG)
-    outputs = (len(configuration.targets.build()), len(configuration.sensors))
+    outputs = configuration.outputs
     shape = (configuration.network.preset, configuration.picture_shape, outputs)
     trainer, predictor, theirs = Trainer(configuration), Predictor(*shape), build(*shape)
     size = sum(array.nbytes for array in trainer.weights().values())

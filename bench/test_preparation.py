@@ -48,7 +48,7 @@ def test_preparation(race, short):
     pictures = rng.integers(0, 256, (frames, *ROBOT.picture_shape), dtype=np.uint8)
     labels = rng.integers(-1, 2, (frames, *OUTPUTS)).astype(np.int8)
     weight = rng.random(labels.shape, np.float32)
-    prepare = Preparation(Augmenter(ROBOT.augmentation, ROBOT.sensor_swap(), MIRROR, ROBOT.camera_swap()))
+    prepare = Preparation(Augmenter(ROBOT.augmentation, ROBOT.mirror()))
     plain, by_kornia, once = OneByOne(ROBOT), with_kornia(), np.empty((BATCH, *ROBOT.picture_shape), np.float32)
 
     def drawn():

@@ -38,7 +38,7 @@ def robot(preset, seed):
 
 def batch_for(configuration):
     rng = np.random.default_rng(0)
-    outputs = (len(configuration.targets.build()), len(configuration.sensors))
+    outputs = configuration.outputs
     labels = rng.integers(-1, 2, (configuration.training.batch, *outputs)).astype(np.int8)
     pictures = rng.integers(0, 256, (len(labels), *configuration.picture_shape), dtype=np.uint8)
     return Batch(pictures, labels, np.ones(labels.shape, np.float32))

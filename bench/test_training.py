@@ -59,7 +59,7 @@ def peers_of(short):
     """Our step, and PyTorch's two, over the same frames."""
     memory = frames(SHORT_FRAMES if short else FRAMES)
     buffer, random = filled(*memory), np.random.default_rng(1)
-    augment = Augmenter(ROBOT.augmentation, ROBOT.sensor_swap(), ROBOT.targets.build().mirror(), ROBOT.camera_swap())
+    augment = Augmenter(ROBOT.augmentation, ROBOT.mirror())
     one_by_one = eager.OneByOne(ROBOT)
 
     def as_ours(pictures, labels, weight):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from llrp_online.configuration.learning import Augmentation
+from llrp_online.mirror import Mirror
 
 FULL_SCALE = 255.0
 # ITU-R BT.601: how bright red, green and blue look.
@@ -61,14 +62,10 @@ class Augmenter:
 
     Args:
         settings: probabilities and strengths.
-        sensor_swap: (S,) which sensor replaces each in a flipped world.
-        target_swap: (T,) which target replaces each.
-        camera_swap: (C / 3,) which camera replaces each.
-
-    A rig without a mirror image has None among the swaps, and then flip must be 0.
+        mirror: the rig's; None if it has none, and then flip must be 0.
 
     >>> one = np.zeros(1, np.int64)
-    >>> augment = Augmenter(Augmentation(flip=1, noise=0, grey=0, shadow=0), np.array([1, 0]), one, one)
+    >>> augment = Augmenter(Augmentation(flip=1, noise=0, grey=0, shadow=0), Mirror(one, np.array([1, 0]), one))
     >>> picture = np.array([[[[9, 9, 9], [0, 0, 0]]]], np.uint8)
     >>> labels = np.array([[[1, 0]]], np.int8)
     >>> flipped = augment(picture, labels, np.ones((1, 1, 2), np.float32), np.random.default_rng(0))
@@ -79,18 +76,13 @@ class Augmenter:
     def __init__(
         self,
         settings: Augmentation,
-        sensor_swap: NDArray[np.int64] | None,
-        target_swap: NDArray[np.int64] | None,
-        camera_swap: NDArray[np.int64] | None,
+        mirror: Mirror | None,
     ) -> None:
-        self._settings = settings
-        self.swaps: tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]] | None = None
-        if sensor_swap is not None and target_swap is not None and camera_swap is not None:
-            self.swaps = target_swap, sensor_swap, camera_swap
-        elif settings.flip > 0:
+        self._settings, self.mirror = settings, mirror
+        if mirror is None and settings.flip > 0:
             raise ValueError(
-                f"flip = {settings.flip:g}, but the rig has no mirror image: expected a swap for sensors, targets and "
-                f"cameras, got {sensor_swap}, {target_swap}, {camera_swap}"
+                f"flip = {settings.flip:g}, but the rig has no mirror image: expected who replaces each sensor, target "
+                "and camera, got None; set flip = 0"
             )
 
     def draw(self, count: int, values: int, rng: np.random.Generator) -> Draw:
@@ -140,12 +132,11 @@ class Augmenter:
         return result
 
     def _mirror(self, result: Augmented, flip: NDArray[np.bool_]) -> None:
-        assert self.swaps is not None
-        targets, sensors, cameras = self.swaps
-        channels = (3 * cameras[:, None] + np.arange(3)).ravel()
-        result.pictures[flip] = result.pictures[flip][:, :, ::-1, channels]
+        assert self.mirror is not None
+        targets, sensors = self.mirror.targets[:, None], self.mirror.sensors
+        result.pictures[flip] = result.pictures[flip][:, :, ::-1, self.mirror.channels]
         for array in (result.labels, result.weight):
-            array[flip] = array[flip][:, targets[:, None], sensors]
+            array[flip] = array[flip][:, targets, sensors]
 
 
 def grains(values: int) -> NDArray[np.float32]:

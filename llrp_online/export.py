@@ -30,6 +30,7 @@ _NORMALISATION = (
     f"in the graph: minus the mean, over the standard deviation (at least {DEVIATION_FLOOR:g} levels), both of all "
     "pixels and channels of the one picture"
 )
+_MIRRORED = "in the graph: the mean of the logits of the picture and, put back, of its mirror image"
 Pictures = Iterable[NDArray[np.uint8]]
 
 
@@ -48,11 +49,6 @@ class Trained:
     weights: Weights
     version: int
     calibration: Calibration | None = None
-
-    @property
-    def outputs(self) -> tuple[int, int]:
-        """(targets, sensors)."""
-        return len(self.configuration.targets.build()), len(self.configuration.sensors)
 
 
 @dataclass(frozen=True)
@@ -82,10 +78,10 @@ def exported(trained: Trained) -> onnx.ModelProto:
     """
     configuration, weights = trained.configuration, trained.weights
     preset, shape = configuration.network.preset, configuration.picture_shape
-    expected = architecture(preset, shape[2]).parameters(shape, trained.outputs)
+    expected = architecture(preset, shape[2]).parameters(shape, configuration.outputs)
     if (found := {name: array.shape for name, array in weights.items()}) != expected:
         raise ValueError(f"these weights are another network's: expected {expected}, got {found}")
-    model = build_graph(preset, shape, trained.outputs)
+    model = build_graph(preset, shape, configuration.outputs, configuration.averaged_with)
     inside = weights if trained.calibration is None else trained.calibration.fold(weights)
     del model.graph.input[1:]
     model.graph.initializer.extend(
@@ -119,15 +115,19 @@ def compare(model: onnx.ModelProto, trained: Trained, pictures: Pictures) -> Che
         pictures: (H, W, C) uint8 each.
     """
     configuration = trained.configuration
-    network = build(configuration.network.preset, configuration.picture_shape, trained.outputs).eval()
+    network = build(configuration.network.preset, configuration.picture_shape, configuration.outputs).eval()
     network.set_weights(trained.weights)
-    calibration = trained.calibration or Calibration.identity(trained.outputs[0])
+    calibration = trained.calibration or Calibration.identity(configuration.outputs[0])
     scale, offset = (torch.from_numpy(values)[:, None] for values in (calibration.scale, calibration.offset))
     session = onnxruntime.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
-    frames, largest = 0, 0.0
+    mirror, frames, largest = configuration.averaged_with, 0, 0.0
     with torch.no_grad():
         for picture in pictures:
-            expected = torch.sigmoid(scale * network(standardise(picture[None]))[0] + offset).numpy()
+            logits = network(standardise(picture[None]))[0]
+            if mirror is not None:
+                image = network(standardise(picture[None, :, ::-1, mirror.channels]))[0]
+                logits = (logits + image[mirror.targets][:, mirror.sensors]) / 2
+            expected = torch.sigmoid(scale * logits + offset).numpy()
             got = cast(NDArray[np.float32], session.run([PROBABILITIES], {PICTURE: picture[None]})[0])
             difference = float(np.abs(got - expected).max())
             # A NaN is the largest difference there is; `max` would pass over it.
@@ -160,6 +160,7 @@ def _words(trained: Trained) -> dict[str, str]:
         "colour": "RGB",
         "resize": _RESIZE,
         "normalisation": _NORMALISATION,
+        "mirrored": _MIRRORED if configuration.averaged_with else "no",
         "targets": json.dumps(configuration.targets.build().poses.tolist()),
         "sensors": json.dumps(configuration.sensors),
         "bits": json.dumps(bits),

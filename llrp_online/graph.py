@@ -4,10 +4,12 @@ With the weights as inputs, one inference session serves every version of them. 
 that what is inferred is what was trained; the blocks are those of `llrp_online.architecture`.
 """
 
+import numpy as np
 import onnx
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from llrp_online.architecture import DEVIATION_FLOOR, Block, Outputs, PictureShape, Preset, architecture
+from llrp_online.mirror import Mirror
 
 PICTURE = "picture"
 PROBABILITIES = "probabilities"
@@ -17,17 +19,21 @@ _OPSET = 18
 _IR_VERSION = 10
 
 
-def build_graph(preset: Preset, picture_shape: PictureShape, outputs: Outputs) -> onnx.ModelProto:
+def build_graph(
+    preset: Preset, picture_shape: PictureShape, outputs: Outputs, mirror: Mirror | None = None
+) -> onnx.ModelProto:
     """The graph of a preset, checked.
 
     Inputs: `picture` (1, H, W, C) uint8, and each parameter by its name, float32.
-    Output: `probabilities` (T, S) float32.
+    Output: `probabilities` (T, S) float32; with `mirror`, of the mean of the logits of the picture and of its mirror
+    image, seen back in the mirror.
 
     >>> [node.name for node in build_graph("paper", (64, 80, 3), (31, 5)).graph.input][:2]
     ['picture', 'convolutions.0.weight']
     """
     plan = architecture(preset, picture_shape[2])
-    nodes = _standardisation("standardised")
+    nodes = [] if mirror is None else _both_ways("both")
+    nodes += _standardisation(PICTURE if mirror is None else "both", "standardised")
     features = "standardised"
     for index, block in enumerate(plan.blocks):
         nodes += _block(block, f"convolutions.{index}", features, f"block.{index}")
@@ -37,7 +43,8 @@ def build_graph(preset: Preset, picture_shape: PictureShape, outputs: Outputs) -
         helper.make_node("Gemm", ["features", "dense.weight", "dense.bias"], ["dense"], transB=1),
         helper.make_node("Relu", ["dense"], ["dense.active"]),
         helper.make_node("Gemm", ["dense.active", "outputs.weight", "outputs.bias"], ["flat"], transB=1),
-        helper.make_node("Reshape", ["flat", "label_shape"], ["logits"]),
+        helper.make_node("Reshape", ["flat", "label_shape"], ["each"]),
+        *([helper.make_node("Squeeze", ["each", "batch"], ["logits"])] if mirror is None else _mean("each", "logits")),
         helper.make_node("Sigmoid", ["logits"], [PROBABILITIES]),
     ]
     weights = [
@@ -52,7 +59,8 @@ def build_graph(preset: Preset, picture_shape: PictureShape, outputs: Outputs) -
         [
             helper.make_tensor("every_axis", TensorProto.INT64, [3], [1, 2, 3]),
             helper.make_tensor("deviation_floor", TensorProto.FLOAT, [], [DEVIATION_FLOOR]),
-            helper.make_tensor("label_shape", TensorProto.INT64, [2], outputs),
+            helper.make_tensor("label_shape", TensorProto.INT64, [3], [-1, *outputs]),
+            *([numpy_helper.from_array(np.zeros(1, np.int64), "batch")] if mirror is None else _constants(mirror)),
         ],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR_VERSION)
@@ -60,10 +68,45 @@ def build_graph(preset: Preset, picture_shape: PictureShape, outputs: Outputs) -
     return model
 
 
-def _standardisation(output: str) -> list[onnx.NodeProto]:
-    """The picture minus its mean over its deviation, channels first; see `network.standardise`."""
+def _both_ways(output: str) -> list[onnx.NodeProto]:
+    """The picture, and after it its mirror image."""
     return [
-        helper.make_node("Transpose", [PICTURE], ["channels_first"], perm=[0, 3, 1, 2]),
+        helper.make_node("Slice", [PICTURE, "last", "before_first", "columns", "backwards"], ["flipped"]),
+        helper.make_node("Gather", ["flipped", "channels"], ["mirrored"], axis=3),
+        helper.make_node("Concat", [PICTURE, "mirrored"], [output], axis=0),
+    ]
+
+
+def _mean(each: str, output: str) -> list[onnx.NodeProto]:
+    """Of what the picture says and what its mirror image says, targets and sensors put back in their places."""
+    return [
+        helper.make_node("Gather", [each, "first"], ["straight"], axis=0),
+        helper.make_node("Gather", [each, "second"], ["reflected"], axis=0),
+        helper.make_node("Gather", ["reflected", "targets"], ["reflected.targets"], axis=0),
+        helper.make_node("Gather", ["reflected.targets", "sensors"], ["put_back"], axis=1),
+        helper.make_node("Mean", ["straight", "put_back"], [output]),
+    ]
+
+
+def _constants(mirror: Mirror) -> list[onnx.TensorProto]:
+    told = {
+        "last": [-1],
+        "before_first": [np.iinfo(np.int64).min],
+        "columns": [2],
+        "backwards": [-1],
+        "channels": mirror.channels,
+        "targets": mirror.targets,
+        "sensors": mirror.sensors,
+        "first": 0,
+        "second": 1,
+    }
+    return [numpy_helper.from_array(np.array(value, np.int64), name) for name, value in told.items()]
+
+
+def _standardisation(pictures: str, output: str) -> list[onnx.NodeProto]:
+    """Each picture minus its mean over its deviation, channels first; see `network.standardise`."""
+    return [
+        helper.make_node("Transpose", [pictures], ["channels_first"], perm=[0, 3, 1, 2]),
         helper.make_node("Cast", ["channels_first"], ["levels"], to=TensorProto.FLOAT),
         helper.make_node("ReduceMean", ["levels", "every_axis"], ["mean"]),
         helper.make_node("Sub", ["levels", "mean"], ["centred"]),

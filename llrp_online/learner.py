@@ -5,6 +5,7 @@ roams; driven event by event over recordings it is deterministic: the same recor
 """
 
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,17 +43,21 @@ class Learner:
 
     Args:
         configuration: the robot's.
+        trainer: what takes the training steps; another one for studies of other losses.
     """
 
-    def __init__(self, configuration: RobotConfiguration) -> None:
+    def __init__(
+        self, configuration: RobotConfiguration, *, trainer: Callable[[RobotConfiguration], Trainer] = Trainer
+    ) -> None:
         self.configuration = configuration
         self.paused = False
+        self._make_trainer = trainer
         self._build()
 
     def _build(self) -> None:
         configuration = self.configuration
         targets = configuration.targets.build()
-        outputs = (len(targets), len(configuration.sensors))
+        outputs = configuration.outputs
         memory, publishing = configuration.memory, configuration.publishing
         settings = BufferSettings(
             round(memory.budget_mb * 1e6),
@@ -67,9 +72,9 @@ class Learner:
         self.labeller = Labeller(configuration)
         self.buffer = ReplayBuffer(configuration.picture_shape, outputs, settings)
         self.held_out = HeldOut(publishing.held_out_share, publishing.held_out_block_s, publishing.held_out_frames)
-        self.trainer = Trainer(configuration)
+        self.trainer = self._make_trainer(configuration)
         self.publisher = Publisher(publishing, self.trainer.judge)
-        self.predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
+        self.predictor = Predictor.of(configuration)
         self.prequential = Prequential(targets.poses, configuration.sensors)
         self.calibrator = Calibrator(configuration.calibration, self.prequential)
         self.pace = Pace(configuration.training.steps_per_second)

@@ -6,14 +6,16 @@ lock is held around either: a set of weights is an immutable value, and handing 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import cast
+from typing import Self, cast
 
 import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
 from llrp_online.architecture import Outputs, PictureShape, Preset, architecture
+from llrp_online.configuration import RobotConfiguration
 from llrp_online.graph import PICTURE, PROBABILITIES, build_graph
+from llrp_online.mirror import Mirror
 
 #: Weights by name.
 FloatArrays = Mapping[str, NDArray[np.float32]]
@@ -41,6 +43,12 @@ class _Weights:
 class Predictor:
     """One inference session and the newest weights.
 
+    Args:
+        preset: of the network.
+        picture_shape: (height, width, channels).
+        outputs: (targets, sensors).
+        mirror: of the rig, to predict from the mirror image too and give the mean; None: from the picture alone.
+
     >>> from llrp_online.network import build
     >>> predictor = Predictor("paper", (64, 80, 3), (31, 5))
     >>> predictor.load(build("paper", (64, 80, 3), (31, 5)).weights(), version=7)
@@ -49,7 +57,9 @@ class Predictor:
     ((31, 5), 7)
     """
 
-    def __init__(self, preset: Preset, picture_shape: PictureShape, outputs: Outputs) -> None:
+    def __init__(
+        self, preset: Preset, picture_shape: PictureShape, outputs: Outputs, mirror: Mirror | None = None
+    ) -> None:
         self._picture_shape = picture_shape
         self._parameters = architecture(preset, picture_shape[2]).parameters(picture_shape, outputs)
         options = onnxruntime.SessionOptions()
@@ -58,9 +68,15 @@ class Predictor:
         # A thread that spins while it waits takes the core that training runs on.
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         options.add_session_config_entry("session.inter_op.allow_spinning", "0")
-        graph = build_graph(preset, picture_shape, outputs).SerializeToString()
+        graph = build_graph(preset, picture_shape, outputs, mirror).SerializeToString()
         self._session = onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
         self._weights: _Weights | None = None
+
+    @classmethod
+    def of(cls, configuration: RobotConfiguration) -> Self:
+        """As a robot's configuration has it."""
+        preset, shape = configuration.network.preset, configuration.picture_shape
+        return cls(preset, shape, configuration.outputs, configuration.averaged_with)
 
     @property
     def version(self) -> int | None:

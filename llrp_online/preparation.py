@@ -52,7 +52,7 @@ class Preparation:
         augment: what is to be done at random.
 
     >>> from llrp_online.configuration.learning import Augmentation
-    >>> prepare = Preparation(Augmenter(Augmentation(flip=0), None, None, None))
+    >>> prepare = Preparation(Augmenter(Augmentation(flip=0), None))
     >>> batch = Batch(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 1, 1), np.int8), np.ones((2, 1, 1), np.float32))
     >>> prepare(batch, np.random.default_rng(0)).pictures.mean((1, 2, 3)).round(3) + 0
     array([0., 0.], dtype=float32)
@@ -99,9 +99,8 @@ class Preparation:
         height, width, channels = picture
         columns = np.arange(width * channels, dtype=np.uint32).reshape(width, channels)
         entries = np.arange(int(np.prod(label))).reshape(label)
-        if self._augment.swaps is not None:
-            targets, sensors, cameras = self._augment.swaps
-            columns = columns[::-1, (3 * cameras[:, None] + np.arange(3)).ravel()]
-            entries = entries[targets[:, None], sensors]
+        if (mirror := self._augment.mirror) is not None:
+            columns = columns[::-1, mirror.channels]
+            entries = entries[mirror.targets[:, None], mirror.sensors]
         across = np.repeat(ramp(width), channels)
         return Tables(grains(height * width * channels), across, ramp(height), columns.ravel(), entries.ravel())

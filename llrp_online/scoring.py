@@ -31,8 +31,7 @@ class Exam:
         self._sensors = configuration.sensors
         self.pictures = [picture for picture, _ in pairs]
         self.labels = np.stack([labels for _, labels in pairs])
-        outputs = (len(self._targets), len(self._sensors))
-        self._predictor = Predictor(configuration.network.preset, configuration.picture_shape, outputs)
+        self._predictor = Predictor.of(configuration)
 
     def predict(self, weights: Weights, watched: Watched = iter) -> NDArray[np.float32]:
         """(N, T, S) probabilities; the pictures are taken by way of `watched`, which may show how far it is."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from llrp_online import losses
 from llrp_online.adam import MOMENTS, Adam
@@ -30,17 +31,12 @@ class Trainer:
 
     def __init__(self, configuration: RobotConfiguration) -> None:
         torch.set_num_threads(1)
-        settings, targets = configuration.training, configuration.targets.build()
-        outputs = (len(targets), len(configuration.sensors))
-        self._settings = settings
+        self._settings = settings = configuration.training
+        outputs = configuration.outputs
         self.network = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed)
         self._judge = build(configuration.network.preset, configuration.picture_shape, outputs, settings.seed).eval()
         self._optimiser = Adam(self.network.parameters(), settings.learning_rate)
-        self._prepare = Preparation(
-            Augmenter(
-                configuration.augmentation, configuration.sensor_swap(), targets.mirror(), configuration.camera_swap()
-            )
-        )
+        self._prepare = Preparation(Augmenter(configuration.augmentation, configuration.mirror()))
         self._random = np.random.default_rng(settings.seed)
         self._names = [name for name, _ in self.network.named_parameters()]
         self._average = [parameter.detach().clone() for parameter in self.network.parameters()]
@@ -55,18 +51,21 @@ class Trainer:
         prepared = self._prepare(batch, self._random)
         labels, weight = torch.from_numpy(prepared.labels), torch.from_numpy(prepared.weight)
         self.network.train()
-        logits = self.network(torch.from_numpy(prepared.pictures).permute(0, 3, 1, 2))
-        if self._settings.loss == "paper":
-            loss = losses.paper(logits, labels, weight)
-        else:
-            balance = losses.positive_weights(class_counts, self._settings.positive_weight_max)
-            loss = losses.cross_entropy(logits, labels, weight, balance)
+        loss = self.loss(torch.from_numpy(prepared.pictures).permute(0, 3, 1, 2), labels, weight, class_counts)
         self._optimiser.zero_grad()
         torch.autograd.backward(loss)
         self._optimiser.step()
         self.steps += 1
         self._move_average()
         return float(loss.detach())
+
+    def loss(self, pictures: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
+        """What a step makes less: of pictures (N, C, H, W), standardised, and their labels and weights, (N, T, S)."""
+        logits = self.network(pictures)
+        if self._settings.loss == "paper":
+            return losses.paper(logits, labels, weight)
+        balance = losses.positive_weights(class_counts, self._settings.positive_weight_max)
+        return losses.cross_entropy(logits, labels, weight, balance)
 
     def _move_average(self) -> None:
         # Early on the average would still hold the random start: it follows closely first, then ever more calmly.
@@ -131,7 +130,7 @@ class Trainer:
         set_torch_state(self.network.dropout.generator, values["dropout"])
 
 
-def _like(array: NDArray[Any], parameter: torch.Tensor) -> torch.Tensor:
+def _like(array: NDArray[Any], parameter: Tensor) -> Tensor:
     """The array as a tensor that lies in memory as the parameter does."""
     if array.shape != tuple(parameter.shape):
         return torch.tensor(array)

@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Label and write."""
     configuration = options.load_configuration(arguments)
     options.make_room(arguments.output)
-    shape = (len(configuration.targets.build()), len(configuration.sensors))
+    shape = configuration.outputs
     with share_of("labelling") as told:
         arrays = as_arrays(labels_of(configuration, arguments.recording, told=told), shape)
     write_npz(arguments.output, arrays)

@@ -71,7 +71,7 @@ def trained(configuration: RobotConfiguration, buffer: ReplayBuffer, steps: int)
 
 def remember(configuration: RobotConfiguration, recordings: list[Path]) -> ReplayBuffer:
     """All labelled frames of recordings, within the configured budget."""
-    memory, targets = configuration.memory, configuration.targets.build()
+    memory = configuration.memory
     settings = BufferSettings(
         budget_bytes=round(memory.budget_mb * 1e6),
         recent_frames=_RECENT,
@@ -82,7 +82,7 @@ def remember(configuration: RobotConfiguration, recordings: list[Path]) -> Repla
         duplicate_distance=0.0,
         seed=configuration.training.seed,
     )
-    buffer = ReplayBuffer(configuration.picture_shape, (len(targets), len(configuration.sensors)), settings)
+    buffer = ReplayBuffer(configuration.picture_shape, configuration.outputs, settings)
     frame_id = 0
     for path, told in track_recordings(recordings, "labelling"):
         for frame in labelled_frames(configuration, path, told):

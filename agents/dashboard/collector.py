@@ -99,7 +99,7 @@ class Collector:
         self._began_s = time.monotonic()
         self._slowly_s = 0.0
         self._frozen_since_s: float | None = None
-        self._outputs = len(configuration.targets.build()), len(configuration.sensors)
+        self._outputs = configuration.outputs
         session = agent.session
         self._moved = [configuration.odometry.topic, *configuration.range_topics]
         self._cameras = [camera.topic for camera in configuration.camera]

@@ -14,8 +14,8 @@ from agents.experiments.learning import learning
 from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
 from agents.experiments.trial import Result, Trial
 
-_USUAL = "as configured"
-#: Name -> what differs from the defaults, as `changed` takes it.
+_USUAL, _PRETRAINED = "as configured", "pretrained to tell pictures again"
+#: Name -> what differs from the defaults: as `changed` takes it, or an argument of `learning`.
 FORMS: Mapping[str, Mapping[str, Any]] = {
     _USUAL: {},
     "the paper's loss": {"training.loss": "paper"},
@@ -42,7 +42,16 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     "learning rate 3e-4": {"training.learning_rate": 3e-4},
     "learning rate 3e-3": {"training.learning_rate": 3e-3},
     "batch 32, twice the steps": {"training.batch": 32, "training.steps_per_second": 10.0},
+    "the mirror image not looked at": {"network.mirrored": False},
+    "what the gate lets out": {"published": True},
+    "squared error of the known labels": {"variant": {"name": "squared error"}},
+    "frames of one line must agree": {"variant": {"name": "consistency", "share": 1.0}},
+    "frames of one line must agree, weighed a third": {"variant": {"name": "consistency", "share": 0.3}},
+    "free space between silent poses": {"variant": {"name": "free space", "reach_m": 0.1}},
+    _PRETRAINED: {"variant": {"name": "pretrained", "steps": 1000}},
 }
+#: Where a network is pretrained: scenarios that none of the forms is tried in.
+_ELSEWHERE = ("cardboard", "checker", "stone")
 
 
 @dataclass(frozen=True)
@@ -71,12 +80,18 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     usual = configuration_of("thymio")
     robot = robot_of(usual)
     for form in size.forms:
-        learner = changed(usual, {"memory.budget_mb": size.budget_mb, **FORMS[form]})
+        told = dict(FORMS[form])
+        variant, published = told.pop("variant", None), told.pop("published", False)
+        learner = changed(usual, {"memory.budget_mb": size.budget_mb, **told})
+        if form == _PRETRAINED:
+            elsewhere = [Drive(robot, scenario(name), 0, size.held_out_minutes).as_json() for name in _ELSEWHERE]
+            variant = {**variant, "drives": elsewhere}
         for name in size.scenarios:
             held_out = [Drive(robot, scenario(name), HELD_OUT + i, size.held_out_minutes) for i in (0, 1)]
             for seed in size.seeds:
                 lived = [Drive(robot, scenario(name), seed, size.marks_s[-1] / 60, "seek")]
-                yield form, learning(with_seed(learner, seed), lived, {"new": held_out}, size.marks_s)
+                lesson = (with_seed(learner, seed), lived, {"new": held_out}, size.marks_s)
+                yield form, learning(*lesson, variant=variant, published=published)
 
 
 def findings(size: Size, results: Sequence[Result]) -> Findings:

@@ -166,8 +166,7 @@ def _sight(folder: Path, form: RobotConfiguration, layout: Layout, sight: str | 
         weights = Trainer(form).weights()
     else:
         raise ValueError(f"sight: expected a start, 'untrained', 'truth' or None, got {sight!r}")
-    outputs = (len(form.targets.build()), len(form.sensors))
-    predictor = Predictor(form.network.preset, form.picture_shape, outputs)
+    predictor = Predictor.of(form)
     predictor.load(weights, version=1)
     return seen_by(predictor)
 

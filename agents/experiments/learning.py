@@ -10,6 +10,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.settings import plain
 from agents.experiments.shared import digest, made_once
 from agents.experiments.trial import Result, Trial
+from agents.experiments.variants import made
 from agents.replayed import Marks, learn_over
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.digest import weights_sha256
@@ -64,9 +65,13 @@ def learning(
     start: Start | None = None,
     frozen: bool = False,
     examiner: RobotConfiguration | None = None,
+    variant: Mapping[str, Any] | None = None,
+    published: bool = False,
 ) -> Trial:
     """A trial of `learn`."""
     judged = {} if examiner is None else {"examiner": plain(examiner)}
+    judged |= {} if variant is None else {"variant": dict(variant)}
+    judged |= {"published": True} if published else {}
     return Trial(
         "agents.experiments.learning:learn",
         {
@@ -90,6 +95,8 @@ def learn(
     start: Mapping[str, Any] | None,
     frozen: bool,
     examiner: Mapping[str, Any] | None = None,
+    variant: Mapping[str, Any] | None = None,
+    published: bool = False,
 ) -> Result:
     """Live through drives, in order; the score of the weights at each mark on drives held out.
 
@@ -102,6 +109,8 @@ def learn(
         start: a `Start` as JSON values; None: from nothing.
         frozen: never take a step.
         examiner: configuration that the exams are labelled by, as JSON values; None: the learner's own.
+        variant: of the learner, as `variants.made` takes it; None: the usual one.
+        published: try the weights that the gate let out last, in place of those that learn; those before the first.
 
     Returns:
         `marks`: one object a mark with `lived_s`, `driven_m` by odometry, `steps`, `known_labels`, `positive_labels`,
@@ -111,7 +120,7 @@ def learn(
     form = RobotConfiguration.model_validate(configuration)
     judge = form if examiner is None else RobotConfiguration.model_validate(examiner)
     compiling.use(form.compute.compiled)
-    learner, marks = Learner(form), list[Result]()
+    learner, marks = made(form, folder, variant), list[Result]()
     if start is not None:
         begun = Start.of(start)
         learner.warm_start(begun.checkpoint(folder), memory=begun.memory)
@@ -121,7 +130,8 @@ def learn(
     }
 
     def reached(lived_s: float) -> None:
-        status, weights = learner.status(), learner.trainer.weights()
+        status, out = learner.status(), learner.publisher.newest
+        weights = out.weights if published and out is not None else learner.trainer.weights()
         told = {"lived_s": lived_s, "driven_m": status.driven_m, "steps": status.steps}
         known = {"known_labels": sum(status.known), "positive_labels": sum(status.positives)}
         scores = {name: means(exam, weights) for name, exam in tried.items()}

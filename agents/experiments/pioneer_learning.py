@@ -82,8 +82,7 @@ def exam(
         learned from); `rounds`, `ROUNDS` lists of each target's AUC as the bootstrap drew it; `frames` and
         `trajectories` tested; `weights_sha256`.
     """
-    outputs = (len(form.targets.build()), len(form.sensors))
-    predictor = Predictor(form.network.preset, form.picture_shape, outputs)
+    predictor = Predictor.of(form)
     predictor.load(weights, version=0)
     drives = [PioneerDrive(**drive).recorded(folder) for drive in tested]
     scores = [

@@ -27,6 +27,7 @@ from llrp_online.configuration.rig import (
 )
 from llrp_online.configuration.running import Control, Keys, Simulation, Transport
 from llrp_online.configuration.thymio import Thymio
+from llrp_online.mirror import Mirror
 
 __all__ = ["ConfigurationError", "RobotConfiguration", "Table", "Thymio", "load", "load_toml", "validate"]
 
@@ -78,6 +79,11 @@ class RobotConfiguration(Table):
         """(height, width, channels) of what the network sees: the cameras' RGB stacked along the channels."""
         return self.camera[0].height, self.camera[0].width, 3 * len(self.camera)
 
+    @property
+    def outputs(self) -> tuple[int, int]:
+        """(targets, sensors): the shape of a frame's labels and of its prediction."""
+        return len(self.targets.build()), len(self.sensors)
+
     def simulated(self) -> Simulation:
         """Its [simulation]; ValueError if the robot has none."""
         if self.simulation is None:
@@ -91,6 +97,21 @@ class RobotConfiguration(Table):
     def sensor_swap(self) -> NDArray[np.int64] | None:
         """Which sensor replaces each in a flipped world; None if the rig has no mirror image."""
         return _swap(self.sensors, [s.swap for s in self.short_range], alone=len(self.short_range) == 1)
+
+    def mirror(self) -> Mirror | None:
+        """The rig's mirror image; None if it has none."""
+        targets, sensors, cameras = self.targets.build().mirror(), self.sensor_swap(), self.camera_swap()
+        if targets is None or sensors is None or cameras is None:
+            return None
+        return Mirror(targets, sensors, cameras)
+
+    @property
+    def averaged_with(self) -> Mirror | None:
+        """The mirror image whose prediction is averaged with each picture's own; None where that is off.
+
+        A network that was never shown a flipped picture has nothing to say of one.
+        """
+        return self.mirror() if self.network.mirrored and self.augmentation.flip > 0 else None
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

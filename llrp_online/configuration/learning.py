@@ -30,6 +30,10 @@ class Network(Table):
     """[network]."""
 
     preset: Literal["online", "paper"] = Field(default="online", description="`paper` is Nava et al. 2019, figure 5")
+    mirrored: bool = Field(
+        default=True,
+        description="predict from each picture and from its mirror image, and give the mean; not where flip = 0",
+    )
 
 
 class Augmentation(Table):

@@ -34,7 +34,7 @@ def recorded(folder, seed, window="fixed"):
 @pytest.mark.parametrize(("seed", "window"), [(0, "fixed"), (1, "fixed"), (2, "drift"), (3, "drift")])
 def test_it_agrees_with_the_labels_of_every_frame(tmp_path, seed, window):
     configuration, path, _ = recorded(tmp_path, seed, window)
-    labels = as_arrays(labels_of(configuration, path), (len(configuration.targets.build()), len(configuration.sensors)))
+    labels = as_arrays(labels_of(configuration, path), configuration.outputs)
     begin_s = explain_at(configuration, path, 0.0)[0].t_ns / 1e9
     known = 0
     for row in range(0, len(labels["t"]), 3):

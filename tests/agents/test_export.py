@@ -71,7 +71,7 @@ def test_it_says_on_how_many_frames_it_was_checked_and_how_far_it_is_off(trained
 
 def test_the_file_answers_as_the_network_does_on_another_drives_frames(eyes, trained, drive):
     configuration = load(CONFIG)
-    predictor = Predictor("online", configuration.picture_shape, (31, 5))
+    predictor = Predictor.of(configuration)
     predictor.load(weights_of(trained), 0)
     session = onnxruntime.InferenceSession(eyes)
     pictures = [frame.picture for frame in frames_of(configuration, drive)]
@@ -138,7 +138,7 @@ def test_a_checkpoint_without_frames_asks_for_recordings(trained, tmp_path, caps
 @pytest.mark.parametrize("name", ["pioneer", "drone"])
 def test_the_metadata_are_those_of_the_robot(name):
     configuration = load(ROOT / "configs" / f"{name}.toml")
-    outputs = (len(configuration.targets.build()), len(configuration.sensors))
+    outputs = configuration.outputs
     network = build(configuration.network.preset, configuration.picture_shape, outputs)
     model = export.exported(export.Trained(configuration, network.weights(), 3))
     facts = export.metadata(model)
@@ -192,7 +192,7 @@ def test_the_example_of_the_page_sees_what_we_see_and_needs_nothing_of_ours(eyes
     wanted = cv2.resize(picture, (80, 64), interpolation=cv2.INTER_LINEAR)
     assert np.abs(np.load(tmp_path / "resized.npy") - wanted).max() <= 1
     rows = [re.findall(r"(?:left|center|right) ([\d.]+)", line) for line in done.stdout.splitlines()]
-    predictor = Predictor("online", configuration.picture_shape, (31, 5))
+    predictor = Predictor.of(configuration)
     predictor.load(weights_of(trained), 0)
     expected = predictor.predict(wanted).probabilities
     np.testing.assert_allclose(np.array(rows, float), expected, atol=0.02)

@@ -103,7 +103,7 @@ def test_its_own_messages_are_understood_and_label_what_lies_ahead(tmp_path, nam
     configuration = load(ROOT / f"configs/{name}.toml")
     recording = write(tmp_path, list(drive(configuration, sense)))
     assert [f for f in check(read(recording), configuration) if f.severity == "error"] == []
-    shape = (len(configuration.targets.build()), len(configuration.sensors))
+    shape = configuration.outputs
     arrays = as_arrays(labels_of(configuration, recording), shape)
     frames_m = np.array(path_m())[::4]
     targets_m = configuration.targets.build().poses[:, 0]

@@ -3,6 +3,7 @@ import pytest
 
 from llrp_online.augment import Augmenter
 from llrp_online.configuration.learning import Augmentation
+from llrp_online.mirror import Mirror
 from replay.targets import Targets
 
 OFF = {"flip": 0.0, "noise": 0.0, "grey": 0.0, "shadow": 0.0}
@@ -13,7 +14,7 @@ SENSOR_ANGLES_RAD = np.array([0.7, 0.0, -0.7])
 
 
 def augmenter(**probabilities):
-    return Augmenter(Augmentation(**{**OFF, **probabilities}), SENSOR_SWAP, GRID.mirror(), CAMERA_SWAP)
+    return Augmenter(Augmentation(**{**OFF, **probabilities}), Mirror(GRID.mirror(), SENSOR_SWAP, CAMERA_SWAP))
 
 
 def batch(count=6, seed=0):
@@ -134,7 +135,7 @@ def test_each_happens_as_often_as_asked_for():
 
 def test_a_rig_without_mirror_image_may_be_augmented_but_not_flipped():
     given = batch()
-    no_mirror = Augmenter(Augmentation(flip=0), SENSOR_SWAP, None, CAMERA_SWAP)
+    no_mirror = Augmenter(Augmentation(flip=0), None)
     assert no_mirror(*given, np.random.default_rng(0)).pictures.shape == given[0].shape
     with pytest.raises(ValueError, match=r"flip = 0\.5, but the rig has no mirror image"):
-        Augmenter(Augmentation(flip=0.5), SENSOR_SWAP, None, CAMERA_SWAP)
+        Augmenter(Augmentation(flip=0.5), None)

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import torch
 
+from llrp_online.configuration import RobotConfiguration, load
+from llrp_online.mirror import Mirror
 from llrp_online.network import build, standardise
 from llrp_online.predictor import Predictor
 
@@ -31,6 +33,31 @@ def test_it_equals_the_trained_network(preset, cameras, size):
         with torch.no_grad():
             expected = torch.sigmoid(network(standardise(picture[None])))[0].numpy()
         np.testing.assert_allclose(predictor.predict(picture).probabilities, expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("cameras", [1, 3])
+def test_with_a_mirror_it_gives_the_mean_of_both_views(cameras):
+    shape, outputs = (13, 10, 3 * cameras), (4, 3)
+    rng = np.random.default_rng(1)
+    mirror = Mirror(rng.permutation(4), np.array([2, 1, 0]), np.arange(cameras)[::-1].copy())
+    plain, both = Predictor("online", shape, outputs), Predictor("online", shape, outputs, mirror)
+    weights = build("online", shape, outputs, seed=3).weights()
+    plain.load(weights, version=1)
+    both.load(weights, version=1)
+    picture = rng.integers(0, 256, shape, dtype=np.uint8)
+    flipped = picture.reshape(13, 10, cameras, 3)[:, ::-1, ::-1].reshape(shape)
+    straight, reflected = (np.log(p / (1 - p)) for p in (plain.predict(x).probabilities for x in (picture, flipped)))
+    expected = (straight + reflected[mirror.targets][:, mirror.sensors]) / 2
+    np.testing.assert_allclose(both.predict(picture).probabilities, 1 / (1 + np.exp(-expected)), atol=1e-5)
+
+
+def test_a_robot_that_never_saw_a_flipped_picture_predicts_from_the_straight_one():
+    configuration = load("configs/thymio.toml")
+    assert configuration.averaged_with is not None
+    changes = ({"augmentation": {"flip": 0.0}}, {"network": {"mirrored": False}})
+    for change in changes:
+        told = {**configuration.model_dump(mode="json"), **change}
+        assert RobotConfiguration.model_validate(told).averaged_with is None
 
 
 def constant(probability):

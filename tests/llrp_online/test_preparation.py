@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from llrp_online.augment import Augmenter, grains
 from llrp_online.configuration.learning import Augmentation
+from llrp_online.mirror import Mirror
 from llrp_online.network import standardise
 from llrp_online.preparation import Preparation
 from replay.batch import Batch
@@ -24,8 +25,8 @@ def plainly(prepare):
 def augmenter(rng, settings, cameras, targets, sensors):
     """Of a rig with a mirror image, or, where nothing is flipped, of one without."""
     if not settings.flip:
-        return Augmenter(settings, None, None, None)
-    return Augmenter(settings, rng.permutation(sensors), rng.permutation(targets), rng.permutation(cameras))
+        return Augmenter(settings, None)
+    return Augmenter(settings, Mirror(rng.permutation(targets), rng.permutation(sensors), rng.permutation(cameras)))
 
 
 def a_batch(rng, size, picture, label, flat=False):
@@ -83,7 +84,7 @@ def test_the_compiled_form_is_used_and_repeats_itself():
 @pytest.mark.parametrize("form", [lambda prepare: prepare, plainly])
 def test_without_augmentation_it_standardises(form):
     settings = Augmentation(flip=0, noise=0, grey=0, shadow=0)
-    prepare = form(Preparation(Augmenter(settings, None, None, None)))
+    prepare = form(Preparation(Augmenter(settings, None)))
     for shape in ((16, 20, 3), (8, 8, 6)):  # and one preparation takes batches of any shape
         batch = a_batch(np.random.default_rng(1), 5, shape, (4, 3))
         found = prepare(batch, np.random.default_rng(0))
