@@ -43,15 +43,19 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     "learning rate 3e-3": {"training.learning_rate": 3e-3},
     "batch 32, twice the steps": {"training.batch": 32, "training.steps_per_second": 10.0},
     "the mirror image not looked at": {"network.mirrored": False},
+    "dropout 0.2": {"variant": {"name": "dropout", "share": 0.2}},
+    "dropout 0.5": {"variant": {"name": "dropout", "share": 0.5}},
+    "dropout 0.8": {"variant": {"name": "dropout", "share": 0.8}},
     "what the gate lets out": {"published": True},
     "squared error of the known labels": {"variant": {"name": "squared error"}},
     "frames of one line must agree": {"variant": {"name": "consistency", "share": 1.0}},
     "frames of one line must agree, weighed a third": {"variant": {"name": "consistency", "share": 0.3}},
     "free space between silent poses": {"variant": {"name": "free space", "reach_m": 0.1}},
-    _PRETRAINED: {"variant": {"name": "pretrained", "steps": 1000}},
+    _PRETRAINED: {"variant": {"name": "pretrained"}},
 }
 #: Where a network is pretrained: scenarios that none of the forms is tried in.
 _ELSEWHERE = ("cardboard", "checker", "stone")
+PRETRAINING_STEPS = 1000
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
         learner = changed(usual, {"memory.budget_mb": size.budget_mb, **told})
         if form == _PRETRAINED:
             elsewhere = [Drive(robot, scenario(name), 0, size.held_out_minutes).as_json() for name in _ELSEWHERE]
-            variant = {**variant, "drives": elsewhere}
+            variant = {**variant, "drives": elsewhere, "steps": PRETRAINING_STEPS}
         for name in size.scenarios:
             held_out = [Drive(robot, scenario(name), HELD_OUT + i, size.held_out_minutes) for i in (0, 1)]
             for seed in size.seeds:

@@ -92,7 +92,8 @@ def test_pretraining_tells_pictures_apart(thymio: RobotConfiguration) -> None:
 
 
 @pytest.mark.parametrize("form", [form for form, told in ablate.FORMS.items() if "variant" in told])
-def test_each_variant_learns(form: str, thymio: RobotConfiguration, drives: Path) -> None:
+def test_each_variant_learns(form: str, drives: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ablate, "PRETRAINING_STEPS", 3)
     size = ablate.Size(("tiles",), (0,), (20,), 0.2, 24.0, ("as configured", form))
     usual, other = (trial.run(drives) for trial in ablate.trials(size))
     assert other["marks"][0]["steps"] == usual["marks"][0]["steps"] > 0

@@ -48,6 +48,7 @@ def test_paper_is_the_papers_network(shape, outputs, channels, dense, features):
 def test_dropout_of_each_preset():
     assert architecture("paper", 3).dropout == 0.2
     assert architecture("paper", 9).dropout == 0.0
+    assert architecture("online", 3).dropout == architecture("online", 9).dropout == 0.7
 
 
 @pytest.mark.parametrize("preset", ["paper", "online"])

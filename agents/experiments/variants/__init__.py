@@ -23,6 +23,10 @@ def made(configuration: RobotConfiguration, folder: Path, variant: Mapping[str, 
     match variant:
         case None:
             return Learner(configuration)
+        case {"name": "dropout", "share": share}:
+            learner = Learner(configuration)
+            learner.trainer.network.dropout.share = share
+            return learner
         case {"name": "squared error"}:
             return Learner(configuration, trainer=SquaredErrorTrainer)
         case {"name": "consistency", "share": share}:
