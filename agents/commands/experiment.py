@@ -2,12 +2,14 @@
 
 import argparse
 import importlib
+import logging
 import os
 from pathlib import Path
 
 from agents.commands import options
 from agents.progress import track
 
+_LOG = logging.getLogger(__name__)
 #: Name -> module of `agents.experiments` with `FULL`, `QUICK`, `trials(size)` and `findings(size, results)`.
 STUDIES = {
     "scratch": "from nothing in an unseen scenario: AUC against robot minutes; controllers; steps a second",
@@ -59,6 +61,13 @@ def run(arguments: argparse.Namespace) -> int:
         with runner:
             for trial, done in track(runner.run(missing), arguments.study, len(missing)):
                 shelf.put(trial, done)
+    if stale := shelf.of_other_code(trials):
+        _LOG.warning(
+            "%d of %d trials were kept from other code than is here now; to run them anew, delete %s",
+            stale,
+            len(trials),
+            output / "trials",
+        )
     found = study.findings(size, [shelf.get(trial) for trial in trials])
     page = write(found, output, size.seeds)
     for claim in found.claims:

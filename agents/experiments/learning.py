@@ -8,7 +8,7 @@ from typing import Any
 from agents.commands.evaluate import exam_of
 from agents.experiments.drives import Drive
 from agents.experiments.settings import plain
-from agents.experiments.shared import digest, made_once
+from agents.experiments.shared import code, digest, made_once
 from agents.experiments.trial import Result, Trial
 from agents.experiments.variants import made
 from agents.replayed import Marks, learn_over
@@ -53,7 +53,7 @@ class Start:
             learner.publish_now()
             learner.save(part)
 
-        return made_once(folder / f"start-{digest(self.configuration, drives)}", live)
+        return made_once(folder / f"start-{digest(self.configuration, drives, code())}", live)
 
 
 def learning(

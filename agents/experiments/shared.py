@@ -1,12 +1,16 @@
 """What trials share on disk: made once, by whoever asks first, and never half there."""
 
 import fcntl
+import functools
 import hashlib
 import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+#: Folders whose code decides what a trial gives.
+_CODE = ("replay", "llrp_online", "agents/controllers", "agents/experiments", "agents/robots/simulated")
 
 
 def digest(*values: Any) -> str:
@@ -17,6 +21,14 @@ def digest(*values: Any) -> str:
     """
     told = json.dumps(values, sort_keys=True, allow_nan=False)
     return hashlib.sha256(told.encode()).hexdigest()[:12]
+
+
+@functools.cache
+def code() -> str:
+    """Digest of all the code that a result may depend on: twelve hexadecimal digits."""
+    top = Path(__file__).parents[2]
+    files = (path for folder in _CODE for path in sorted((top / folder).rglob("*.py")))
+    return digest([[path.relative_to(top).as_posix(), path.read_text(encoding="utf-8")] for path in files])
 
 
 def made_once(path: Path, make: Callable[[Path], object]) -> Path:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.experiments.shared import digest
+from agents.experiments.shared import code, digest
 from llrp_online.files import replace
 
 #: What a trial gives: plain JSON values, the same bytes for the same parameters.
@@ -75,12 +75,17 @@ class Shelf:
 
     def put(self, trial: Trial, done: Done) -> None:
         """Keep a result, beside the parameters that it is of."""
-        told = {"work": trial.work, "parameters": trial.parameters, **asdict(done)}
+        told = {"work": trial.work, "parameters": trial.parameters, "code": code(), **asdict(done)}
         replace(self._file(trial), json.dumps(told, indent=1, allow_nan=False))
 
     def computing_s(self, trials: Sequence[Trial]) -> float:
         """Processor time that trials took, all of which are kept."""
         return sum(json.loads(self._file(trial).read_text(encoding="utf-8"))["computing_s"] for trial in trials)
+
+    def of_other_code(self, trials: Sequence[Trial]) -> int:
+        """How many of these trials, all of which are kept, were run by other code than is here now."""
+        kept = (json.loads(self._file(trial).read_text(encoding="utf-8")) for trial in trials)
+        return sum(told.get("code") != code() for told in kept)
 
     def _file(self, trial: Trial) -> Path:
         return self._folder / f"{trial.name}.json"

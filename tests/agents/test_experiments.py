@@ -109,6 +109,15 @@ def test_a_shelf_gives_back_what_was_put_and_nothing_else(tmp_path: Path) -> Non
     assert shelf.get(trial) is None
 
 
+def test_a_shelf_tells_what_other_code_left_on_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shelf, trials = Shelf(tmp_path), [Trial(SQUARE, {"x": x}) for x in (1, 2)]
+    shelf.put(trials[0], Done({"square": 1}, 0.5))
+    monkeypatch.setattr("agents.experiments.trial.code", lambda: "changed")
+    shelf.put(trials[1], Done({"square": 4}, 0.5))
+    assert [shelf.of_other_code([trial]) for trial in trials] == [1, 0]
+    assert shelf.get(trials[0]) == {"square": 1}
+
+
 def test_a_drive_is_recorded_once(tmp_path: Path) -> None:
     drive = Drive(configuration_of("thymio").model_dump(mode="json"), scenario("tiles"), seed=1, minutes=0.02)
     first = drive.recorded(tmp_path)

@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from agents.commands.train import remember
 from agents.experiments.drives import Drive
-from agents.experiments.shared import digest, made_once
+from agents.experiments.shared import code, digest, made_once
 from llrp_online.adam import Adam
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.learner import Learner
@@ -34,7 +34,7 @@ def pretrained(
         steps: of pretraining.
     """
     learner = Learner(configuration)
-    about = (configuration.network.model_dump(mode="json"), configuration.training.seed, list(drives), steps)
+    about = (configuration.network.model_dump(mode="json"), configuration.training.seed, list(drives), steps, code())
 
     def make(part: Path) -> None:
         memory = remember(configuration, [Drive.of(drive).recorded(folder) for drive in drives])
