@@ -17,6 +17,8 @@ PERCEIVER_STATUS = "perceiver/status"
 CONTROLLER_STATUS = "controller/status"
 ROBOT_STATUS = "robot/status"
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+#: What was said last on these holds: who comes later is told it at once.
+STATES = frozenset({STOP, LEARNER_STATUS, PERCEIVER_STATUS, CONTROLLER_STATUS, ROBOT_STATUS})
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 
 

@@ -74,6 +74,7 @@ from rclpy.qos import qos_profile_sensor_data
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import CompressedImage, LaserScan, PointCloud2
+from std_msgs.msg import Bool
 
 rclpy.init()
 node = rclpy.create_node("client")
@@ -84,7 +85,7 @@ sent = {pictures: CompressedImage(format="jpeg", data=list(range(200))), odometr
 sent[odometry].pose.pose.position.x = 1.5
 sent[scans].ranges = [0.5, 2.5]
 held = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-heard = {"status": 0, "command": 0, "prediction": 0}
+heard = {"status": 0, "stop": 0, "command": 0, "prediction": 0}
 def hear(name, text):
     def take(message):
         if not heard[name]:
@@ -94,6 +95,7 @@ def hear(name, text):
 node.create_subscription(Twist, "/cmd_vel", hear("command", lambda m: (m.linear.x, m.angular.z)), 10)
 node.create_subscription(PointCloud2, "/prediction", hear("prediction", lambda m: m.fields[4].name), 10)
 node.create_subscription(DiagnosticArray, "/robot/status", hear("status", lambda m: m.status[0].name), held)
+node.create_subscription(Bool, "/stop", hear("stop", lambda m: m.data), held)
 left = dict.fromkeys(sent, 20)
 while not all(heard.values()) or any(left.values()):
     for publisher, message in sent.items():
@@ -114,6 +116,8 @@ def test_a_node_of_any_middleware_is_handed_everything_and_hands_everything_over
             subscribe_stream(agents.session, agents.key(name), heard.append)
         held = State(agents.session, agents.key(topics.ROBOT_STATUS), topics.STATUS_TYPE)
         held.put(status.encode("robot", 0, asdict(status.RobotStatus(1.0, 0, 2.0))))
+        stop = State(agents.session, agents.key(topics.STOP), topics.STOP_TYPE)
+        stop.put(messages.encode(messages.flag(True)))
         command = Frames(agents.session, agents.key(topics.COMMAND), topics.COMMAND_TYPE)
         prediction = Frames(agents.session, agents.key(topics.PREDICTION), topics.CLOUD_TYPE)
         agents.start("ros2", "ros2", python=ROS_PYTHON)
@@ -130,7 +134,7 @@ def test_a_node_of_any_middleware_is_handed_everything_and_hands_everything_over
             assert client.stdout is not None
             lines = set(client.stdout.read().splitlines())
         assert client.returncode == 0
-        assert lines == {"command (0.1, -0.5)", "prediction left", "status robot"}
+        assert lines == {"command (0.1, -0.5)", "prediction left", "status robot", "stop True"}
         until(lambda: all(found.values()), "pictures, odometry and ranges")
         agents.end("ros2")
         assert "odom: " in agents.said("ros2")

@@ -98,7 +98,7 @@ class RosNode:
     def _speak(self, topic: str, kind: str) -> None:
         """What agents say on a topic, said in ROS 2."""
         key = self._agent.key(topic)
-        state = kind == topics.STATUS_TYPE
+        state = topic in topics.STATES
         durability = self._qos.DurabilityPolicy
         profile = self._qos.QoSProfile(
             depth=1 if state else _OUT_DEPTH,
