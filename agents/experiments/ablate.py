@@ -70,7 +70,7 @@ class Size:
     forms: Sequence[str]
 
 
-FULL = Size(("grass", "tiles", "wood"), (0, 1, 2), (60, 180, 300), 5.0, 24.0, tuple(FORMS))
+FULL = Size(("grass", "tiles", "wood"), (0, 1, 2), (60, 180, 300), 2.5, 24.0, tuple(FORMS))
 QUICK = Size(("tiles",), (0,), (30,), 1.0, 24.0, tuple(FORMS)[:3])
 
 

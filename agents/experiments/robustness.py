@@ -46,7 +46,7 @@ class Size:
 FULL = Size(
     ("carpet", "concrete", "stone", "wood"),
     5.0,
-    ("cardboard", "grass", "tiles"),
+    ("grass", "tiles"),
     (0, 1, 2),
     (0, 30, 60, 120, 180),
     4.0,
