@@ -24,11 +24,14 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/llrp demo $(DEMO_ARGS)
 
+# One process a core; `live` tests, one after the other, in one of them.
+PYTEST := $(BIN)/python -m pytest -W error -n logical --dist loadgroup --no-loadscope-reorder
+
 test: $(STAMP)
-	$(BIN)/python -m pytest -W error
+	$(PYTEST)
 
 test-fast: $(STAMP)
-	$(BIN)/python -m pytest -W error -m "not slow"
+	$(PYTEST) -m "not slow"
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -153,7 +153,7 @@ class Agents(Processes):
         took_s = time.monotonic() - began_s
         assert code == 0, (name, self.said(name))
         assert took_s < patience_s(), (name, took_s)
-        assert "Traceback" not in self.said(name)
+        assert "Traceback" not in self.said(name), (name, self.said(name))
         assert "Error" not in self.said(name)
 
     def ask(self, request: bytes, timeout_s: float = WAIT_S) -> bytes:

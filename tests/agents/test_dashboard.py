@@ -20,7 +20,7 @@ from tests.agents.browser import browser
 from tests.agents.processes import ROOT, WAIT_S, Agents, quick_configuration, until
 
 pytest.importorskip("starlette", reason="to test the dashboard: pip install 'llrp-online[dashboard]'")
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 WAIT_MS = 1000 * WAIT_S
 
 

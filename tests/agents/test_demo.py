@@ -15,7 +15,7 @@ from llrp_online import checkpoint
 from replay.recording import read
 from tests.agents.processes import ROOT, patience_s, quick_configuration, until
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.live, pytest.mark.slow, pytest.mark.timeout(600)]
 AGENTS = {"recorder", "perceiver", "learner", "controller", "robot"}
 
 

@@ -17,6 +17,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from agents.foxglove_sink import FoxgloveSink
 
+pytestmark = pytest.mark.live
+
 SCAN, TWIST = "sensor_msgs/msg/LaserScan", "geometry_msgs/msg/Twist"
 WAIT_S = 60.0
 

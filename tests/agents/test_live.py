@@ -21,6 +21,8 @@ from llrp_online.configuration import load
 from replay.recording import read
 from tests.agents.processes import ROOT, WAIT_S, Agents, patience_s, quick_configuration, until
 
+pytestmark = pytest.mark.live
+
 SHARED = Path("/dev/shm")
 ALL = ("learner", "perceiver", "recorder", "controller", "robot")
 

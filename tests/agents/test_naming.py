@@ -33,6 +33,8 @@ from llrp_online.configuration import load
 from replay.recording import read
 from tests.agents.processes import ROOT, WAIT_S, Agents, quick_configuration, until
 
+pytestmark = pytest.mark.live
+
 BOOL, ODOMETRY = "std_msgs/msg/Bool", "nav_msgs/msg/Odometry"
 TYPES = {"rover/odom": ODOMETRY, "rover/bump/left": BOOL, "rover/status": BOOL}
 DIALECTS = {

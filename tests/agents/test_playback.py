@@ -17,6 +17,8 @@ from llrp_online.configuration import load
 from llrp_online.events import OdometrySample
 from replay.recording import Message, RecordingError, Writer, read
 
+pytestmark = pytest.mark.live
+
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"the real recordings are not at {DATA}")

@@ -14,6 +14,8 @@ from agents.transport import Frames, State, Stream, open_session
 from llrp_online.events import OdometrySample
 from replay.recording import RecordingError, read
 
+pytestmark = pytest.mark.live
+
 SECOND_NS = 10**9
 SCAN = "sensor_msgs/msg/LaserScan"
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -23,6 +23,8 @@ from agents.transport import Frames, Received, State, free_endpoint, subscribe_s
 from replay.recording import read
 from tests.agents.processes import ROOT, Agents, until
 
+pytestmark = pytest.mark.live
+
 ROS_PYTHON = os.environ.get("LLRP_ROS_PYTHON") or str(ROOT / ".venv-ros/bin/python")
 needs_ros = pytest.mark.skipif(
     not Path(ROS_PYTHON).exists(), reason=f"no {ROS_PYTHON}: `make ros-venv` installs rclpy, PyZeROS, zenoh-ros2-sdk"

@@ -28,6 +28,8 @@ from replay.poses import wrap
 from tests.agents.films import RED, film
 from tests.agents.processes import until
 
+pytestmark = pytest.mark.live
+
 SETTINGS = Thymio(speed_unit_m_s=0.00034, track_m=0.095, left_scale=1.02, right_scale=0.97)
 WRAP = 1 << 16
 

@@ -32,6 +32,8 @@ from agents.transport import (
     watch,
 )
 
+pytestmark = pytest.mark.live
+
 ODOMETRY = "nav_msgs/msg/Odometry"
 spawn = multiprocessing.get_context("spawn")
 

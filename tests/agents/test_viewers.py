@@ -27,6 +27,8 @@ from llrp_online.status import LearnerStatus
 from replay.recording import read
 from tests.agents.processes import until
 
+pytestmark = pytest.mark.live
+
 CONFIGURATION = load("configs/thymio.toml")
 LAYOUT = Path("configs/foxglove-layout.json")
 TARGETS, SENSORS = CONFIGURATION.targets.build().poses, CONFIGURATION.sensors
