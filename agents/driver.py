@@ -99,9 +99,12 @@ class Driver:
             self._prediction, self._prediction_ns = cloud.probabilities, cloud.t_ns
 
     def _halted(self) -> None:
-        """At once, not with the next odometry."""
+        """A person has pressed Stop, or let go of it: at once it is to stand, not with the next odometry.
+
+        The word may have been said before this driver was there; then it comes while that is still being built.
+        """
         with self._turn:
-            if self._halt.holds and not self._closed:
+            if not self._closed:
                 self._send(0.0, 0.0)
 
     def _feel(self, reading: Reading) -> None:
