@@ -1,13 +1,13 @@
 """What every agent is: one process, one session, one name on the bus; Ctrl-C, SIGTERM or its parent's death end it."""
 
 import os
-import signal
 import threading
 import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from agents.ending import ended_by_signals
 from agents.naming import naming_of
 from agents.transport import Session, announce, key, open_session, watch_elder
 from llrp_online.configuration import RobotConfiguration
@@ -53,9 +53,11 @@ def joined(configuration: RobotConfiguration, name: str, *, alone: bool = True) 
         alone: AgentError if the robot has one of this name already. Those who only listen may be many.
     """
     compiling.never_wait()
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: stop.set())
+    with ended_by_signals() as stop:
+        yield from _joined(configuration, name, stop, alone=alone)
+
+
+def _joined(configuration: RobotConfiguration, name: str, stop: threading.Event, *, alone: bool) -> Generator[Agent]:
     if parent := os.environ.get(PARENT):
         threading.Thread(target=_follow, args=(int(parent), stop), name="parent", daemon=True).start()
     robot = configuration.robot.name

@@ -5,12 +5,12 @@ import importlib.util
 import json
 import signal
 import sys
-import threading
 from pathlib import Path
 
 from agents.commands import options
 from agents.demo.reporting import report
 from agents.demo.show import Plan, show
+from agents.ending import ended_by_signals
 from agents.run_folder import RunFolder
 
 
@@ -66,10 +66,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{output}: holds a run already, which is never overwritten; remove it or give another --output"
         )
     options.make_folder(output)
-    stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda _number, _frame: stop.set())
-    outcome = show(plan, configuration, stop)
+    with ended_by_signals() as stop:
+        outcome = show(plan, configuration, stop)
     if stop.is_set():
         learned = RunFolder(output, []).checkpoint
         kept = f"what was learned until then is in {learned}" if learned.exists() else "nothing was learned yet"
