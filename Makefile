@@ -24,14 +24,17 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/llrp demo $(DEMO_ARGS)
 
-# One process a core; `live` tests, one after the other, in one of them.
-PYTEST := $(BIN)/python -m pytest -W error -n logical --dist loadgroup --no-loadscope-reorder
+# On every core what only computes; then, one after the other, what wants the clock to itself.
+PYTEST := $(BIN)/python -m pytest -W error
+ON_EVERY_CORE := -n logical --dist loadfile
 
 test: $(STAMP)
-	$(PYTEST)
+	$(PYTEST) $(ON_EVERY_CORE) -m "not live"
+	$(PYTEST) -m live
 
 test-fast: $(STAMP)
-	$(PYTEST) -m "not slow"
+	$(PYTEST) $(ON_EVERY_CORE) -m "not live and not slow"
+	$(PYTEST) -m "live and not slow"
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -24,12 +24,3 @@ def _compiled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """A test that runs a live agent leaves no process behind that goes on without kernels."""
     monkeypatch.setattr("replay.compiling._waiting", True)
     monkeypatch.setattr("replay.compiling._wanted", True)
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With several processes: live tests one at a time and from the beginning, every other file as a whole."""
-    for item in items:
-        if item.get_closest_marker("xdist_group") is None:
-            live = item.get_closest_marker("live") is not None
-            item.add_marker(pytest.mark.xdist_group("live" if live else str(item.path)))
-    items.sort(key=lambda item: item.get_closest_marker("live") is None)

@@ -15,8 +15,6 @@ from llrp_online.events import OdometrySample
 from replay.recording import Message, Writer
 from tests.agents.processes import ROOT, quick_configuration
 
-pytestmark = pytest.mark.live
-
 SECONDS, RATE_HZ = 20, 10
 START_NS = 10**12
 
