@@ -1,4 +1,4 @@
-"""The paper's four augmentations, over a whole batch at once: flip, noise, grey, soft shadow (section IV-D).
+"""The paper's four augmentations, over a whole batch at once: flip, noise, grey, soft shadow (section IV-D); colours.
 
 A flip mirrors the world: the picture's columns, what each camera and each sensor sees, and where each target lies.
 What is drawn at random is drawn first, for all pictures, and only then applied: so the compiled form, in
@@ -131,12 +131,38 @@ class Augmenter:
         result.pictures[:] += np.outer(draw.down, ramp(height))[:, :, None, None]
         return result
 
+    def turn_colours(self, pictures: NDArray[np.float32], rng: np.random.Generator) -> None:
+        """Give some pictures other colours, in place: (N, H, W, C) float32, standardised, so that grey is near zero.
+
+        A picture's energy stays, and so does what one pixel's colour is to another's; all its cameras turn alike.
+        """
+        if self._settings.colour:
+            chosen, turn = turned(len(pictures), self._settings.colour, rng)
+            pixels = pictures.reshape(len(pictures), -1, 3)
+            for picture, turns in zip(chosen, turn, strict=True):
+                # Three sums over whole rows: a product of so narrow matrices would take several times as long.
+                red, green, blue = pixels[picture].T.copy()
+                for colour, (of_red, of_green, of_blue) in enumerate(turns.T):
+                    pixels[picture, :, colour] = of_red * red + of_green * green + of_blue * blue
+
     def _mirror(self, result: Augmented, flip: NDArray[np.bool_]) -> None:
         assert self.mirror is not None
         targets, sensors = self.mirror.targets[:, None], self.mirror.sensors
         result.pictures[flip] = result.pictures[flip][:, :, ::-1, self.mirror.channels]
         for array in (result.labels, result.weight):
             array[flip] = array[flip][:, targets, sensors]
+
+
+def turned(count: int, probability: float, rng: np.random.Generator) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+    """Which of `count` pictures get other colours, and how: (K,) indices and (K, 3, 3) orthogonal matrices.
+
+    Every turn or mirror image of the space of red, green and blue is as likely as any other.
+    """
+    normals = rng.standard_normal((count, 3, 3))
+    chosen = np.flatnonzero(rng.random(count) < probability)
+    turn, triangle = np.linalg.qr(normals[chosen])
+    turn *= np.sign(np.diagonal(triangle, axis1=1, axis2=2))[:, None, :]
+    return chosen, turn.astype(np.float32)
 
 
 def grains(values: int) -> NDArray[np.float32]:

@@ -52,7 +52,7 @@ class Preparation:
         augment: what is to be done at random.
 
     >>> from llrp_online.configuration.learning import Augmentation
-    >>> prepare = Preparation(Augmenter(Augmentation(flip=0), None))
+    >>> prepare = Preparation(Augmenter(Augmentation(flip=0, colour=0), None))
     >>> batch = Batch(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 1, 1), np.int8), np.ones((2, 1, 1), np.float32))
     >>> prepare(batch, np.random.default_rng(0)).pictures.mean((1, 2, 3)).round(3) + 0
     array([0., 0.], dtype=float32)
@@ -66,8 +66,11 @@ class Preparation:
     def __call__(self, batch: Batch, rng: np.random.Generator) -> Prepared:
         """All randomness comes from `rng`; the batch stays as it is."""
         kernels = self._compiled.get()
-        if kernels is not None:
-            return self._at_once(kernels, batch, rng)
+        prepared = self._step_by_step(batch, rng) if kernels is None else self._at_once(kernels, batch, rng)
+        self._augment.turn_colours(prepared.pictures, rng)
+        return prepared
+
+    def _step_by_step(self, batch: Batch, rng: np.random.Generator) -> Prepared:
         augmented = self._augment(batch.pictures, batch.labels, batch.weight, rng)
         return Prepared(standardise(augmented.pictures).permute(0, 2, 3, 1).numpy(), augmented.labels, augmented.weight)
 

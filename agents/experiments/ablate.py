@@ -32,6 +32,7 @@ FORMS: Mapping[str, Mapping[str, Any]] = {
     "no noise": {"augmentation.noise": 0.0},
     "no grey": {"augmentation.grey": 0.0},
     "no shadows": {"augmentation.shadow": 0.0},
+    "other colours": {"augmentation.colour": 0.5},
     "no augmentation": {
         "augmentation.flip": 0.0,
         "augmentation.noise": 0.0,

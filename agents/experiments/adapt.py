@@ -16,6 +16,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import FAR_M, Start, learning
 from agents.experiments.settings import (
+    ELSEWHERE,
     HELD_OUT,
     changed,
     configuration_of,
@@ -87,6 +88,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     """Form and trial of the first part."""
     usual = configuration_of("thymio")
     robot, recent = robot_of(usual), changed(usual, {"memory.recent_share": 0.9})
+    first = changed(usual, ELSEWHERE)
     old_exam = [Drive(robot, scenario(name), HELD_OUT, size.old_held_out_minutes) for name in size.old]
     for floor in size.new:
         arena, ends = scenario(floor), (size.marks_s[0], size.marks_s[-1])
@@ -96,7 +98,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
         for seed, lived in all_lived.items():
             form = with_seed(usual, seed)
             before = [Drive(robot, scenario(name), seed, size.old_minutes, "seek") for name in size.old]
-            start = Start(plain(form), before)
+            start = Start(plain(with_seed(first, seed)), before)
             alone = replace(start, memory=False)
             yield _WARM, learning(form, [lived], exams, size.marks_s, start=start)
             yield _FORGETFUL, learning(form, [lived], exams, size.marks_s, start=alone)
@@ -136,6 +138,7 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
 def _story(size: Size) -> str:
     return (
         f"A learner lives {size.old_minutes:g} minutes on each of {len(size.old)} floors ({', '.join(size.old)}), "
+        "the colours of half the pictures it learns from turned (`augmentation.colour`), "
         f"then moves to one it never saw ({', '.join(size.new)}; {len(size.seeds)} seeds each); it seeks throughout. "
         f"Mean AUC at 0 to 25 cm on two held-out layouts of the new floor, {size.new_held_out_minutes:g} minutes each, "
         f"and on one of each old floor, {size.old_held_out_minutes:g} minutes each. The oracle learns offline, "

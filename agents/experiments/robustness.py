@@ -13,7 +13,16 @@ from agents.experiments.disturbances import DISTURBANCES, Disturbance, Kind
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import Start, learning
-from agents.experiments.settings import HELD_OUT, changed, configuration_of, plain, robot_of, scenario, with_seed
+from agents.experiments.settings import (
+    ELSEWHERE,
+    HELD_OUT,
+    changed,
+    configuration_of,
+    plain,
+    robot_of,
+    scenario,
+    with_seed,
+)
 from agents.experiments.statistics import median, ratio
 from agents.experiments.trial import Result, Trial
 
@@ -68,7 +77,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
     The seed changes fastest, so that processes do not wait for each other's first life.
     """
     usual = configuration_of("thymio")
-    robot = robot_of(usual)
+    robot, first = robot_of(usual), changed(usual, ELSEWHERE)
     for name in (_USUAL, *size.disturbances):
         disturbance = DISTURBANCES.get(name, Disturbance("world"))
         other = robot_of(changed(usual, disturbance.robot))
@@ -79,7 +88,7 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
                 form = with_seed(usual, seed)
                 before = [Drive(robot, scenario(old), seed, size.before_minutes, "seek") for old in size.before]
                 lived = [Drive(other, arena, seed, size.marks_s[-1] / 60, "seek")]
-                exams, start = {"here": held_out}, Start(plain(form), before)
+                exams, start = {"here": held_out}, Start(plain(with_seed(first, seed)), before)
                 yield name, learning(form, lived, exams, size.marks_s, start=start)
                 if disturbance.kind == _POSE:
                     alone = replace(start, memory=False)
@@ -141,7 +150,8 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
     outcomes = {name: Outcome.of(values(runs[name], "here"), usual) for name in size.disturbances}
     end = time(size.marks_s[-1])
     story = (
-        f"A learner lives {size.before_minutes:g} minutes in each of {', '.join(size.before)}, seeking. Then "
+        f"A learner lives {size.before_minutes:g} minutes in each of {', '.join(size.before)}, seeking, "
+        "the colours of half the pictures it learns from turned (`augmentation.colour`). Then "
         f"something changes, in scenarios it never saw ({', '.join(size.scenarios)}; {len(size.seeds)} seeds each), "
         f"and it goes on learning for {end}. Mean AUC at 0 to 25 cm on two held-out layouts with the same disturbance, "
         f"{size.held_out_minutes:g} minutes each. The fall is the difference at once from the same learner undisturbed "

@@ -10,9 +10,11 @@ from llrp_online.configuration import RobotConfiguration, load
 #: Seeds of held-out layouts lie this far from those that are lived in.
 HELD_OUT = 1000
 CONFIGS = Path("configs")
+#: What a learner is given that is to see on floors that it never saw: there the colours it knows mislead.
+ELSEWHERE: Mapping[str, Any] = {"augmentation.colour": 0.5}
 _LEARNING = {"memory", "network", "augmentation", "training", "compute", "publishing", "calibration"}
-#: Tables that came after the first results were kept: as they are by default, no result depends on their being told.
-_YOUNGER = {"calibration"}
+#: Tables and keys that came after results were kept: as they are by default, no result depends on their being told.
+_YOUNGER = ("calibration", "augmentation.colour")
 
 
 def configuration_of(robot: str) -> RobotConfiguration:
@@ -22,9 +24,15 @@ def configuration_of(robot: str) -> RobotConfiguration:
 
 def plain(configuration: RobotConfiguration) -> dict[str, Any]:
     """The whole configuration, as JSON values: what a trial depends on."""
-    usual = RobotConfiguration.model_fields
-    left_out = {name for name in _YOUNGER if getattr(configuration, name) == usual[name].get_default()}
-    return configuration.model_dump(mode="json", exclude=left_out)
+    told, usual = configuration.model_dump(mode="json"), RobotConfiguration.model_fields
+    for name in _YOUNGER:
+        table, _, key = name.partition(".")
+        default = usual[table].get_default().model_dump(mode="json")
+        if not key and told[table] == default:
+            del told[table]
+        elif key and told[table][key] == default[key]:
+            del told[table][key]
+    return told
 
 
 def robot_of(configuration: RobotConfiguration) -> dict[str, Any]:

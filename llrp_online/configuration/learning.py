@@ -37,7 +37,7 @@ class Network(Table):
 
 
 class Augmentation(Table):
-    """[augmentation]: the paper's four, section IV-D."""
+    """[augmentation]: the paper's four, section IV-D, and colours that are turned."""
 
     flip: float = Field(default=0.5, ge=0, le=1, description="probability of a mirrored picture, sensors and targets")
     noise: float = Field(default=1 / 3, ge=0, le=1, description="probability of Gaussian noise")
@@ -46,6 +46,12 @@ class Augmentation(Table):
     shadow: float = Field(default=1.0, ge=0, le=1, description="probability of a soft shadow gradient")
     shadow_strength: float = Field(
         default=0.3, ge=0, le=1, description="largest change across the picture, of full scale"
+    )
+    colour: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="probability of other colours, red, green and blue turned: for floors that it will never have seen",
     )
 
 

@@ -21,7 +21,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, section, write
 from agents.experiments.learning import Start
 from agents.experiments.local import Local, TrialError
-from agents.experiments.settings import changed, configuration_of, scenario, scenarios
+from agents.experiments.settings import changed, configuration_of, plain, scenario, scenarios
 from agents.experiments.shared import made_once
 from agents.experiments.statistics import median
 from agents.experiments.trial import Done, Shelf, Trial
@@ -232,3 +232,12 @@ def test_a_cluster_gives_the_same_and_a_lost_worker_changes_nothing(tmp_path: Pa
     finally:
         machines.shutdown()
     assert found == {trial.name: trial.run(tmp_path) for trial in trials}
+
+
+def test_what_came_later_is_told_only_where_it_is_not_as_by_default() -> None:
+    usual = configuration_of("thymio")
+    assert "calibration" not in plain(usual)
+    assert "colour" not in plain(usual)["augmentation"]
+    other = changed(usual, {"augmentation.colour": 0.5, "calibration.every_s": 5.0})
+    assert plain(other)["augmentation"]["colour"] == 0.5
+    assert plain(other)["calibration"]["every_s"] == 5.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from llrp_online.augment import Augmenter
+from llrp_online.augment import Augmenter, turned
 from llrp_online.configuration.learning import Augmentation
 from llrp_online.mirror import Mirror
 from replay.targets import Targets
@@ -33,6 +33,27 @@ def test_nothing_is_changed_with_probability_zero():
     for before, after in zip(given, result, strict=True):
         assert np.array_equal(before, after)
         assert not np.shares_memory(before, after)
+
+
+@pytest.mark.parametrize("cameras", [1, 3])
+def test_turned_colours_keep_what_pixels_are_to_each_other(cameras):
+    rng = np.random.default_rng(0)
+    pictures = rng.standard_normal((200, 4, 5, 3 * cameras)).astype(np.float32)
+    kept = pictures.copy()
+    Augmenter(Augmentation(**{**OFF, "colour": 0.5}), None).turn_colours(pictures, rng)
+    changed = (pictures != kept).any((1, 2, 3))
+    assert 70 < changed.sum() < 130
+    before, after = (array.reshape(200, -1, 3) for array in (kept, pictures))
+    products = [array @ array.transpose(0, 2, 1) for array in (before, after)]
+    np.testing.assert_allclose(*products, atol=1e-4)
+
+
+def test_every_turn_of_the_colours_is_as_likely():
+    chosen, turn = turned(4000, 1.0, np.random.default_rng(0))
+    assert len(chosen) == 4000
+    np.testing.assert_allclose(turn @ turn.transpose(0, 2, 1), np.broadcast_to(np.eye(3), turn.shape), atol=1e-5)
+    assert np.abs(turn.mean(0)).max() < 0.05
+    assert abs(np.linalg.det(turn).mean()) < 0.05
 
 
 def test_a_seed_repeats_and_inputs_stay():

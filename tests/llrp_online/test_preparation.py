@@ -45,6 +45,7 @@ def a_batch(rng, size, picture, label, flat=False):
         noise=PROBABILITY,
         grey=PROBABILITY,
         shadow=PROBABILITY,
+        colour=PROBABILITY,
         noise_deviation=st.floats(0, 0.2),
         shadow_strength=st.floats(0, 1),
     ),
@@ -83,7 +84,7 @@ def test_the_compiled_form_is_used_and_repeats_itself():
 
 @pytest.mark.parametrize("form", [lambda prepare: prepare, plainly])
 def test_without_augmentation_it_standardises(form):
-    settings = Augmentation(flip=0, noise=0, grey=0, shadow=0)
+    settings = Augmentation(flip=0, noise=0, grey=0, shadow=0, colour=0)
     prepare = form(Preparation(Augmenter(settings, None)))
     for shape in ((16, 20, 3), (8, 8, 6)):  # and one preparation takes batches of any shape
         batch = a_batch(np.random.default_rng(1), 5, shape, (4, 3))
