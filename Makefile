@@ -24,17 +24,17 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/llrp demo $(DEMO_ARGS)
 
-# On every core what only computes; then what wants the clock to itself (tests/conftest.py says what goes beside it).
+# On every core what only computes; then, one after the other, what wants the clock to itself.
 PYTEST := $(BIN)/python -m pytest -W error
 ON_EVERY_CORE := -n logical --dist loadfile
 
 test: $(STAMP)
 	$(PYTEST) $(ON_EVERY_CORE) -m "not live"
-	$(PYTEST) -n 2 --dist loadgroup -m live
+	$(PYTEST) -m live
 
 test-fast: $(STAMP)
 	$(PYTEST) $(ON_EVERY_CORE) -m "not live and not slow"
-	$(PYTEST) -n 2 --dist loadgroup -m "live and not slow"
+	$(PYTEST) -m "live and not slow"
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

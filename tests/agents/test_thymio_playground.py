@@ -31,7 +31,7 @@ from tests.agents.playground import SCENES, SPEED_UNIT_M_S, TRACK_M, Playground,
 from tests.agents.playground_geometry import Scene
 from tests.agents.processes import QUICK, ROOT, Processes, until
 
-pytestmark = [pytest.mark.live, pytest.mark.xdist_group("playground"), needs_playground]
+pytestmark = [pytest.mark.live, needs_playground]
 
 TABLE = f"\n[thymio]\ncamera = ''\nspeed_unit_m_s = {SPEED_UNIT_M_S}\ntrack_m = {TRACK_M}\n"
 REST_S = 2.0  # of wall time: longer than a command lives, by far
