@@ -186,6 +186,13 @@ def test_the_learner_obeys_the_buttons(world):
     page.wait_for_selector("#findings [data-cause=paused]")
     assert world.text("#why-title") == "Why is it not learning?"
     world.until("document.querySelector('#pause').textContent === 'Resume learning'", "what the page says")
+    # Paused, no new version takes the place of the one that is chosen.
+    newest = agents.learner.version
+    page.select_option("#version", index=0)
+    page.click("#roll-back")
+    world.until("/^(Back|Not)/.test(document.querySelector('#command-said').textContent)", "what the page says")
+    assert world.text("#command-said").startswith("Back to version")
+    until(lambda: agents.learner.version > newest, "a version published anew")
     page.click("#pause")
     until(lambda: not agents.learner.paused, "learning goes on")
     page.click("#save")
@@ -193,12 +200,6 @@ def test_the_learner_obeys_the_buttons(world):
     saved = Path(world.text("#command-said").removeprefix("Saved to "))
     assert saved.parent == agents.folder / "saved"
     assert checkpoint.load(saved)[1]["version"] > 0
-    newest = agents.learner.version
-    page.select_option("#version", index=0)
-    page.click("#roll-back")
-    world.until("/^(Back|Not)/.test(document.querySelector('#command-said').textContent)", "what the page says")
-    assert world.text("#command-said").startswith("Back to version")
-    until(lambda: agents.learner.version > newest, "a version published anew")
 
 
 def test_stop_wins_over_the_controller_and_holds(world):
