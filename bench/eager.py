@@ -57,10 +57,9 @@ class OneByOne:
 
     def __init__(self, robot: RobotConfiguration) -> None:
         self._settings, self._random = robot.augmentation, np.random.default_rng(0)
-        targets, sensors = robot.targets.build().mirror(), robot.sensor_swap()
-        assert targets is not None
-        assert sensors is not None
-        self._targets, self._sensors = targets, sensors
+        mirror = robot.mirror()
+        assert mirror is not None
+        self._targets, self._sensors = mirror.targets, mirror.sensors
 
     def __call__(
         self, pictures: NDArray[np.uint8], labels: NDArray[np.int8], weight: NDArray[np.float32]

@@ -12,8 +12,8 @@ from replay.batch import Batch
 
 BATCH, FRAMES, SHORT_FRAMES = 64, 5000, 500
 ROBOT = load("configs/thymio.toml")
-MIRROR = ROBOT.targets.build().mirror()
-OUTPUTS = (len(ROBOT.targets.build()), len(ROBOT.sensors))
+MIRROR = ROBOT.mirror()
+OUTPUTS = ROBOT.outputs
 
 
 def with_kornia():
@@ -26,7 +26,7 @@ def with_kornia():
         kornia.RandomLinearIllumination(gain=(0.01, settings.shadow_strength), p=settings.shadow),
         data_keys=["input"],
     )
-    targets, sensors = torch.from_numpy(MIRROR), torch.from_numpy(ROBOT.sensor_swap())
+    targets, sensors = torch.from_numpy(MIRROR.targets), torch.from_numpy(MIRROR.sensors)
 
     def prepare(pictures, labels, weight):
         with torch.inference_mode():
@@ -48,7 +48,7 @@ def test_preparation(race, short):
     pictures = rng.integers(0, 256, (frames, *ROBOT.picture_shape), dtype=np.uint8)
     labels = rng.integers(-1, 2, (frames, *OUTPUTS)).astype(np.int8)
     weight = rng.random(labels.shape, np.float32)
-    prepare = Preparation(Augmenter(ROBOT.augmentation, ROBOT.mirror()))
+    prepare = Preparation(Augmenter(ROBOT.augmentation, MIRROR))
     plain, by_kornia, once = OneByOne(ROBOT), with_kornia(), np.empty((BATCH, *ROBOT.picture_shape), np.float32)
 
     def drawn():

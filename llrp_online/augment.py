@@ -2,7 +2,8 @@
 
 A flip mirrors the world: the picture's columns, what each camera and each sensor sees, and where each target lies.
 What is drawn at random is drawn first, for all pictures, and only then applied: so the compiled form, in
-`llrp_online.preparation`, applies the same.
+`llrp_online.preparation`, applies the same. Colours are turned last, in pictures
+that are standardised already.
 """
 
 import functools

@@ -61,7 +61,10 @@ class Trainer:
 
     def loss(self, pictures: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
         """What a step makes less: of pictures (N, C, H, W), standardised, and their labels and weights, (N, T, S)."""
-        logits = self.network(pictures)
+        return self.error(self.network(pictures), labels, weight, class_counts)
+
+    def error(self, logits: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
+        """How wrong logits (N, T, S) are, by the loss that is configured."""
         if self._settings.loss == "paper":
             return losses.paper(logits, labels, weight)
         balance = losses.positive_weights(class_counts, self._settings.positive_weight_max)

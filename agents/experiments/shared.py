@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 #: Folders whose code decides what a trial gives.
-_CODE = ("replay", "llrp_online", "agents/controllers", "agents/experiments", "agents/robots/simulated")
+_CODE = ("replay", "llrp_online", "agents")
 
 
 def digest(*values: Any) -> str:

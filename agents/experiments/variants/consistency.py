@@ -8,7 +8,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from llrp_online import losses
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import Event, OdometrySample
 from llrp_online.labeller import NewFrame
@@ -46,7 +45,6 @@ class ConsistentTrainer(Trainer):
     def __init__(self, configuration: RobotConfiguration, share: float, pairs: Callable[[], Pairs | None]) -> None:
         super().__init__(configuration)
         self._share, self._pairs = share, pairs
-        self._maximum = configuration.training.positive_weight_max
 
     def loss(self, pictures: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
         """Of pictures (N, C, H, W) and their labels and weights, (N, T, S); the pairs go through beside them."""
@@ -56,8 +54,7 @@ class ConsistentTrainer(Trainer):
         together = torch.cat([pictures, standardise(pairs.pictures)]).contiguous(memory_format=torch.channels_last)
         logits = self.network(together)
         told, seen = logits[: len(pictures)], torch.sigmoid(logits[len(pictures) :])
-        balance = losses.positive_weights(class_counts, self._maximum)
-        return losses.cross_entropy(told, labels, weight, balance) + self._share * disagreement(seen, pairs.ahead)
+        return self.error(told, labels, weight, class_counts) + self._share * disagreement(seen, pairs.ahead)
 
 
 def disagreement(seen: Tensor, ahead: NDArray[np.int64]) -> Tensor:

@@ -6,21 +6,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from llrp_online import losses
-from llrp_online.configuration import RobotConfiguration
 from llrp_online.trainer import Trainer
 
 
 class SquaredErrorTrainer(Trainer):
     """Takes the same steps down another slope; positives weigh what they weigh in the cross-entropy."""
 
-    def __init__(self, configuration: RobotConfiguration) -> None:
-        super().__init__(configuration)
-        self._maximum = configuration.training.positive_weight_max
-
-    def loss(self, pictures: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
-        """Of pictures (N, C, H, W) and their labels and weights, (N, T, S)."""
+    def error(self, logits: Tensor, labels: Tensor, weight: Tensor, class_counts: NDArray[np.int64]) -> Tensor:
+        """Of logits, labels and weights, (N, T, S)."""
         known, positive = labels >= 0, labels > 0
-        balance = losses.positive_weights(class_counts, self._maximum)
+        balance = losses.positive_weights(class_counts, self._settings.positive_weight_max)
         cost = torch.where(known, weight, 0.0) * torch.where(positive, balance, 1.0)
-        error = torch.sigmoid(self.network(pictures)) - positive.to(torch.float32)
+        error = torch.sigmoid(logits) - positive.to(torch.float32)
         return (cost * error.square()).sum() / known.sum().clamp(min=1)
