@@ -27,18 +27,29 @@ _CENTRE, _LATERAL = "center", ("left", "right")
 
 @dataclass(frozen=True)
 class Size:
-    """How much is run: one drive a scenario."""
+    """How much is run.
+
+    Attributes:
+        scenarios: all of them.
+        seeds: of layouts, weights and batches.
+        layouts: of each scenario, a drive each: the more, the more objects, lights and textures a network meets.
+        minutes: of all drives in a scenario together.
+        steps: of training, with our recipe.
+        paper_steps: with the paper's.
+        one_out: whether scenarios are left out alone, too.
+    """
 
     scenarios: Sequence[str]
     seeds: Sequence[int]
+    layouts: int
     minutes: float
     steps: int
     paper_steps: int
     one_out: bool
 
 
-FULL = Size(scenarios(), (0,), 10.0, 5_000, STEPS, True)
-QUICK = Size(scenarios()[:3], (0,), 0.5, 60, 60, False)
+FULL = Size(scenarios(), (0,), 5, 10.0, 6_000, STEPS, True)
+QUICK = Size(scenarios()[:3], (0,), 1, 0.5, 60, 60, False)
 
 
 def trials(size: Size) -> list[Trial]:
@@ -64,9 +75,10 @@ def _named(size: Size) -> Iterator[tuple[str, Trial]]:
 
 def _trial(size: Size, form: RobotConfiguration, out: Sequence[str], seed: int, steps: int) -> Trial:
     robot = robot_of(configuration_of("thymio"))
-    drives = {name: Drive(robot, scenario(name), seed, size.minutes) for name in size.scenarios}
-    learned = [drive for name, drive in drives.items() if name not in out]
-    return training(with_seed(form, seed), learned, {name: [drives[name]] for name in out}, steps)
+    layouts, minutes = range(size.layouts * seed, size.layouts * (seed + 1)), size.minutes / size.layouts
+    drives = {name: [Drive(robot, scenario(name), layout, minutes) for layout in layouts] for name in size.scenarios}
+    learned = [drive for name, several in drives.items() if name not in out for drive in several]
+    return training(with_seed(form, seed), learned, {name: drives[name] for name in out}, steps)
 
 
 def findings(size: Size, results: Sequence[Result]) -> Findings:
@@ -99,7 +111,8 @@ _REMARKS = (
 def _story(size: Size) -> str:
     return (
         f"{len(size.scenarios)} scenarios, {size.minutes:g} robot minutes each under the acquisition controller, "
-        f"driven as the paper's robot is. Two are left out at a time (or one), the network learns offline from the "
+        f"driven as the paper's robot is, on {size.layouts} layout{'s' * (size.layouts > 1)} of each. Two are left out "
+        "at a time (or one), the network learns offline from the "
         f"others in {size.steps:,} steps of batches of 64 (the paper's recipe: {size.paper_steps:,}), and predicts "
         "those left out. Our recipe turns the colours of half the pictures it learns from (`augmentation.colour`), "
         "since those left out have other ones. Cells with fewer than ten "
