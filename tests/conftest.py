@@ -6,6 +6,12 @@ import pytest
 import torch
 from hypothesis import settings
 
+from agents.commands.train import remember, trained
+from agents.experiments.drives import Drive
+from agents.experiments.settings import robot_of, scenario
+from llrp_online.configuration import load
+from tests.agents.processes import ROOT, quick_configuration
+
 torch.set_num_threads(1)
 
 settings.register_profile("here", deadline=None)
@@ -20,7 +26,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture(autouse=True)
-def _compiled_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A test that runs a live agent leaves no process behind that goes on without kernels."""
+def _compiled_at_once(monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """A test that runs a live agent leaves no process behind that goes on without kernels, and finds them compiled."""
     monkeypatch.setattr("replay.compiling._waiting", True)
     monkeypatch.setattr("replay.compiling._wanted", True)
+    if request.node.get_closest_marker("live"):
+        request.getfixturevalue("_kernels_of_agents")
+
+
+@pytest.fixture(scope="session")
+def _kernels_of_agents(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Compiled once for this processor: else the first live tests of a new clone would time out waiting for them."""
+    folder = tmp_path_factory.mktemp("kernels")
+    for path in (ROOT / "configs" / "thymio.toml", quick_configuration(folder)):
+        configuration = load(path)
+        drive = Drive(robot_of(configuration), scenario("tiles"), 0, 0.2).recorded(folder)
+        trained(configuration, remember(configuration, [drive]), 1)
