@@ -48,7 +48,7 @@ class Size:
     one_out: bool
 
 
-FULL = Size(scenarios(), (0,), 5, 10.0, 6_000, STEPS, True)
+FULL = Size(scenarios(), (0,), 10, 10.0, 6_000, STEPS, True)
 QUICK = Size(scenarios()[:3], (0,), 1, 0.5, 60, 60, False)
 
 
