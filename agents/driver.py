@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from agents import messages, status, topics
 from agents.agent import Agent
+from agents.command import Commands
 from agents.controllers import Controller
 from agents.halt import Halt
 from agents.intake import Intake
 from agents.messages import MessageError
-from agents.transport import Frames, Received, State, subscribe_latest
+from agents.transport import Received, State, subscribe_latest
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.events import OdometrySample, Reading
 
@@ -48,9 +49,7 @@ class Driver:
         self._first_ns: int | None = None
         self._newest_ns = 0
         self.drops: Counter[str] = Counter()
-        self._stamped = configuration.keys.command_stamped
-        kind = topics.spoken(configuration)[topics.COMMAND]
-        self._command = Frames(agent.session, agent.key(topics.COMMAND), kind)
+        self._commands = Commands(agent, configuration)
         self._status = State(agent.session, agent.key(topics.CONTROLLER_STATUS), topics.STATUS_TYPE)
         self._halt = Halt(agent.session, agent.robot, self._halted)
         names = [configuration.odometry.topic, *configuration.range_topics]
@@ -128,6 +127,4 @@ class Driver:
         return abs(self._newest_ns - t_ns) <= self._stale_ns
 
     def _send(self, speed_m_s: float, turn_rad_s: float) -> None:
-        speeds = speed_m_s, turn_rad_s
-        command = messages.stamped_twist(self._newest_ns, *speeds) if self._stamped else messages.twist(*speeds)
-        self._command.put(messages.encode(command))
+        self._commands.send(self._newest_ns, speed_m_s, turn_rad_s)

@@ -101,8 +101,7 @@ class Intake:
                     if self._relative(sensor.topic) == name
                 ],
             )
-            latest = all(sensor.field.latest for sensor in self._readings[name][1])
-            self._listen(topic, self._remember if latest else self._reading)
+            self._listen(topic, self._remember if topic in configuration.event_topics else self._reading)
 
     def events(self, topic: str, type_name: str, data: bytes, received_ns: int) -> list[Event]:
         """What a message means: no event, one, or several where the configuration uses its topic more than once."""

@@ -66,6 +66,10 @@ class ControllerStatus:
     stopped: bool
 
 
+#: What a Thymio says of its camera when there is nothing to mend.
+CAMERA_LIVE, CAMERA_NONE = "live", "none configured"
+
+
 @dataclass(frozen=True)
 class ThymioStatus:
     """What a real Thymio says of itself.

@@ -46,7 +46,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     configuration = options.load_configuration(arguments)
     with joined(configuration, "dashboard", alone=False) as agent:
-        collector, button = Collector(agent, configuration), StopButton(agent)
+        collector = Collector(agent, configuration)
+        button = StopButton(agent, configuration, lambda: collector.ground.now_ns)
         with Dashboard(collector, button, arguments.host, arguments.port, arguments.save_to) as dashboard:
             print(f"dashboard: {url(arguments.host, dashboard.port)}", flush=True)
             if not _is_loopback(arguments.host):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from agents import messages, status, topics
 from agents.agent import Agent
-from agents.dashboard.diagnosis import Evidence, Finding, diagnose
+from agents.dashboard.diagnosis import SILENT_S, Evidence, Finding, diagnose
 from agents.dashboard.ground import Ground, Misses, Window
 from agents.dashboard.past import Pasts
 from agents.dashboard.questions import Questions
@@ -98,7 +98,8 @@ class Collector:
         self._intake = Intake(configuration)
         self._began_s = time.monotonic()
         self._slowly_s = 0.0
-        self._frozen_since_s: float | None = None
+        self._used_s: dict[str, float] = {}  # topic -> when something that came on it could be used
+        self._frozen_since_s: dict[int, float] = {}
         self._outputs = configuration.outputs
         session = agent.session
         self._moved = [configuration.odometry.topic, *configuration.range_topics]
@@ -138,15 +139,15 @@ class Collector:
             for name, some in came.items():
                 self.heard[name].heard(len(some), now_s)
             for name in self._moved:
-                for message in came[name]:
-                    self._sense(message)
+                if sum(self._sense(message) for message in came[name]):
+                    self._used_s[name] = now_s
             for index, name in enumerate(self._cameras):
-                for message in came[name]:
-                    self.sights.add(index, message)
+                if sum(self.sights.add(index, message) for message in came[name]):
+                    self._used_s[name] = now_s
             # The newest of a picture that is kept; those before it are not looked at.
             any(self._predicted(message) for message in reversed(came[topics.PREDICTION]))
             self._show_newest(now_s)
-            self._mind_the_camera(now_s)
+            self._mind_the_cameras(now_s)
             if now_s - self._slowly_s >= _SLOWLY_S:
                 self._slowly_s = now_s
                 self.window = self.ground.window()
@@ -154,8 +155,10 @@ class Collector:
 
     # --- what comes
 
-    def _sense(self, message: Received) -> None:
-        for event in self._intake.events(message.key, message.type, message.data, message.wall_ns()):
+    def _sense(self, message: Received) -> bool:
+        """Take in what a message says of odometry and short range; False if that is nothing."""
+        events = self._intake.events(message.key, message.type, message.data, message.wall_ns())
+        for event in events:
             if isinstance(event, OdometrySample):
                 epoch = self.ground.epoch
                 self.ground.odometry(event)
@@ -163,6 +166,7 @@ class Collector:
                     self.pasts.clear()
             elif isinstance(event, Reading):
                 self.ground.reading(event)
+        return bool(events)
 
     def _predicted(self, message: Received) -> bool:
         """Show a prediction with the picture it was made of; False if it cannot be."""
@@ -187,11 +191,12 @@ class Collector:
         if newest is not None and (age_s is None or age_s > self.configuration.transport.stale_s):
             self.shots, self.predicted = newest, False
 
-    def _mind_the_camera(self, now_s: float) -> None:
-        if self.sights.same < 2:
-            self._frozen_since_s = None
-        elif self._frozen_since_s is None:
-            self._frozen_since_s = now_s
+    def _mind_the_cameras(self, now_s: float) -> None:
+        for index, same in enumerate(self.sights.same):
+            if same < 2:
+                self._frozen_since_s.pop(index, None)
+            else:
+                self._frozen_since_s.setdefault(index, now_s)
 
     def _hear(self, message: Received) -> None:
         topic = message.key.split("/", 1)[1]
@@ -244,7 +249,11 @@ class Collector:
         distance_m = np.hypot(targets[:, 0], targets[:, 1])
         before = self._statuses[0][1] if len(self._statuses) > 1 else None
         misses = ground.misses() if _stuck(before, self.learner) else Misses(None, None)
-        camera, ranges = _worst(ages, self._cameras), _worst(ages, configuration.range_topics)
+        events = configuration.event_topics
+        # One that speaks at changes alone is not missed once it has spoken.
+        missed = ages | {name: None if ages[name] is None else 0.0 for name in events}
+        camera, ranges = _worst(ages, self._cameras), _worst(missed, configuration.range_topics)
+        frozen = min(self._frozen_since_s, key=self._frozen_since_s.__getitem__, default=None)
         learner_s = self.heard_s.get(topics.LEARNER_STATUS)
         perceiving = self.perceiver is not None and self.agents.get("perceiver", False)
         window = self.window
@@ -254,12 +263,16 @@ class Collector:
             camera_s=camera[1],
             range_s=ranges[1],
             names=(configuration.odometry.topic, camera[0], ranges[0]),
+            at_changes=ranges[0] in events,
+            useless=self._useless(now_s),
+            camera_says=self._camera_says,
             learner_s=None if learner_s is None else now_s - learner_s,
             learner=self.learner,
             before=before,
             predicting=self.perceiver.version if perceiving and self.perceiver is not None else None,
             stopped=self.stopped or any(self.obeyed.values()),
-            frozen_s=0.0 if self._frozen_since_s is None else now_s - self._frozen_since_s,
+            frozen_s=0.0 if frozen is None else now_s - self._frozen_since_s[frozen],
+            frozen=self._cameras[frozen or 0],
             moved_m=ground.moved_m(_MOVED_WITHIN_S),
             window_s=rule.window_s,
             drift=rule.window == "drift",
@@ -275,6 +288,28 @@ class Collector:
             warmup_frames=configuration.training.warmup_frames,
             steps_per_second=configuration.training.steps_per_second,
         )
+
+    @property
+    def _camera_says(self) -> str:
+        """What a Thymio says of its camera, if that is not well."""
+        said = self.robot.camera if isinstance(self.robot, status.ThymioStatus) else ""
+        return "" if said in (status.CAMERA_LIVE, status.CAMERA_NONE) else said
+
+    def _useless(self, now_s: float) -> dict[str, str]:
+        """Topics on which something comes, and for a while nothing of use: by cause, with what is wrong."""
+        configuration = self.configuration
+        causes = dict.fromkeys(self._cameras, "camera unusable") | {configuration.odometry.topic: "odometry unusable"}
+        steady = [name for name in configuration.range_topics if name not in configuration.event_topics]
+        causes = dict.fromkeys(steady, "short range unusable") | causes
+        found: dict[str, str] = {}
+        for name, cause in causes.items():
+            age_s = self.heard[name].age_s(now_s)
+            used_s = self._used_s.get(name, self._began_s)
+            if age_s is not None and age_s < SILENT_S < now_s - used_s:
+                relative = topics.relative_topic(configuration.robot.name, name)
+                wrong = {what: count for what, count in self._intake.drops.items() if what.startswith(f"{relative}:")}
+                found[cause] = max(wrong, key=wrong.__getitem__, default=f"{name}: not a picture that can be read")
+        return found
 
 
 def _stuck(before: LearnerStatus | None, now: LearnerStatus | None) -> bool:

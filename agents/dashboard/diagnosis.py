@@ -4,8 +4,8 @@ Pure: evidence in, findings out, the worst first. A cause that explains others i
 not hear that the window might be too short.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from llrp_online.status import LearnerStatus
@@ -16,6 +16,7 @@ _GRADES: tuple[Grade, ...] = ("stops", "slows", "note", "fine")
 SILENT_S = 2.0
 #: The dashboard itself has to have looked for so long before silence means something.
 _PATIENCE_S = 5.0
+_SENT = "Is it sent, and under this name? llrp check --live --config C.toml."
 _FROZEN_S = 2.0
 _STILL_M = 0.02
 #: Between two statuses: fewer new frames tell nothing.
@@ -41,12 +42,16 @@ class Evidence:
         camera_s: the same of the camera that has been silent the longest.
         range_s: the same of the range topic that has been silent the longest.
         names: topics of odometry, camera and range, for words.
+        at_changes: that range topic speaks only when something changes.
+        useless: of what comes and cannot be used, cause -> the topic and what is wrong with it.
+        camera_says: what the robot itself says of its camera; empty if that is well, or nothing is said.
         learner_s: since the learner's last status; None: never.
         learner: its newest status.
         before: one of about half a minute earlier; None before there is one.
         predicting: version of the weights that the perceiver predicts with; None: there is no perceiver or it has none.
         stopped: a person's stop holds.
-        frozen_s: for so long each picture has been the last one again.
+        frozen_s: for so long each picture of a camera has been its last one again.
+        frozen: that camera's topic.
         moved_m: the way driven in the last ten seconds of the robot's time.
         window_s: longest time between frame and reading.
         drift: the window closes where the pose is no longer known.
@@ -68,12 +73,16 @@ class Evidence:
     camera_s: float | None = 0.0
     range_s: float | None = 0.0
     names: tuple[str, str, str] = ("odom", "camera", "range")
+    at_changes: bool = False
+    useless: Mapping[str, str] = field(default_factory=dict[str, str])
+    camera_says: str = ""
     learner_s: float | None = 0.0
     learner: LearnerStatus | None = None
     before: LearnerStatus | None = None
     predicting: int | None = 1
     stopped: bool = False
     frozen_s: float = 0.0
+    frozen: str = "camera"
     moved_m: float = 1.0
     window_s: float = 30.0
     drift: bool = False
@@ -165,20 +174,28 @@ def _inputs(seen: Evidence) -> Iterator[Finding]:
     )
     for cause, age_s, name, why in kinds:
         if age_s is None and seen.watched_s > _PATIENCE_S:
-            what, do = (
-                f"Nothing has come on {name}.",
-                "Is it sent, and under this name? llrp check --live --config C.toml.",
-            )
+            what, do = f"Nothing has come on {name}.", _SENT
+            if cause == "short range missing" and seen.at_changes:
+                do = f"It speaks only when something changes: press each bumper once. If that does not help: {_SENT}"
         elif age_s is not None and age_s > SILENT_S:
             what, do = f"{name} has been silent for {age_s:.0f} s.", "Is the robot on, its driver running, the link up?"
         else:
             continue
-        yield Finding(cause, "stops", f"{what} {why}.", do)
+        said = f" The robot says: camera {seen.camera_says}." if cause == "camera missing" and seen.camera_says else ""
+        yield Finding(cause, "stops", f"{what} {why}.{said}", do)
+    for cause, sentence in seen.useless.items():
+        yield Finding(
+            cause,
+            "stops",
+            f"What comes cannot be used: {sentence}.",
+            "Mend the driver, or the topic and its type in the configuration; llrp check --live names all that is "
+            "wrong.",
+        )
     if seen.frozen_s > _FROZEN_S and seen.moved_m > _STILL_M:
         yield Finding(
             "camera frozen",
             "stops",
-            f"The camera has sent the same picture for {seen.frozen_s:.0f} s, while the robot drives.",
+            f"{seen.frozen} has sent the same picture for {seen.frozen_s:.0f} s, while the robot drives.",
             "Start the camera's driver anew; until then wrong labels are learned, so pause learning.",
         )
 

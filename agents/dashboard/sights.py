@@ -14,6 +14,8 @@ from llrp_online.configuration import RobotConfiguration
 
 #: Pictures of a camera that may wait for the prediction made of them.
 KEPT = 16
+#: A message begins with four bytes that say how it is written, and those of ROS that have a header with its stamp.
+_STAMP_ENDS = 12
 _COMPRESSED = "sensor_msgs/msg/CompressedImage"
 _JPEG_QUALITY = 80
 _WIDEST_PX = 640
@@ -46,6 +48,11 @@ class Shot:
         return messages.jpeg(pixels, _JPEG_QUALITY)
 
     @property
+    def seen(self) -> bytes:
+        """What the camera saw, without when: two of these are equal if the pictures are."""
+        return self.raw[_STAMP_ENDS:] if self.type else self.raw
+
+    @property
     def media_type(self) -> str:
         """What a browser calls it."""
         return _TYPES[self.file[:2]]
@@ -58,7 +65,7 @@ class Sights:
         configuration: the robot's.
 
     Attributes:
-        same: pictures of the first camera in a row that were the same to the last bit: a camera that hangs.
+        same: for each camera, how many pictures in a row were the same to the last bit: a camera that hangs.
         unreadable: how many could not be used.
     """
 
@@ -66,20 +73,20 @@ class Sights:
         self._rings: list[deque[Shot]] = [deque(maxlen=KEPT) for _ in configuration.camera]
         self._types = [camera.type for camera in configuration.camera]
         self._tolerance_ns = round(configuration.robot.camera_sync_s * 1e9)
-        self.same = 0
+        self.same = [0] * len(configuration.camera)
         self.unreadable = 0
 
-    def add(self, camera: int, message: Received) -> None:
-        """Take in a message of a camera."""
+    def add(self, camera: int, message: Received) -> bool:
+        """Take in a message of a camera; False if it is no picture."""
         try:
             shot = _shot(message, message.type or self._types[camera])
         except MessageError:
             self.unreadable += 1
-            return
+            return False
         ring = self._rings[camera]
-        if camera == 0:
-            self.same = self.same + 1 if ring and ring[-1].raw == shot.raw else 0
+        self.same[camera] = self.same[camera] + 1 if ring and ring[-1].seen == shot.seen else 0
         ring.append(shot)
+        return True
 
     def newest(self) -> tuple[Shot, ...] | None:
         """The newest of each camera; None before all have one."""

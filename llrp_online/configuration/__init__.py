@@ -67,6 +67,15 @@ class RobotConfiguration(Table):
         return list(dict.fromkeys(sensor.topic for sensor in self.short_range))
 
     @property
+    def event_topics(self) -> list[str]:
+        """Range topics whose fields are all `latest`: their silence says that nothing has changed."""
+        return [
+            topic
+            for topic in self.range_topics
+            if all(sensor.way().latest for sensor in self.short_range if sensor.topic == topic)
+        ]
+
+    @property
     def streams(self) -> dict[str, list[int]]:
         """Each range topic with the sensors it speaks for, by their index."""
         return {

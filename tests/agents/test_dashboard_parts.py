@@ -107,13 +107,16 @@ def test_a_raw_picture_is_made_one_that_browsers_know():
     assert shot.file.startswith(b"\xff\xd8")
 
 
-def test_a_camera_that_hangs_is_noticed():
-    sights = Sights(CONFIGURATION)
+@pytest.mark.parametrize("message", [messages.compressed_image, messages.image])
+def test_a_camera_that_hangs_is_noticed(message):
+    """Whichever of them it is: by what it saw, since the stamps of what it sends go on."""
+    sights = Sights(load("configs/pioneer.toml"))
     for t_ns in range(4):
-        sights.add(0, picture(t_ns))
-    assert sights.same == 3
-    sights.add(0, picture(9, 200))
-    assert sights.same == 0
+        sights.add(1, picture(t_ns, message=message))
+        sights.add(2, picture(t_ns, t_ns, message))
+    assert sights.same == [0, 3, 0]
+    sights.add(1, picture(9, 200, message))
+    assert sights.same == [0, 0, 0]
 
 
 def test_past_frames_keep_within_their_bytes_and_tell_what_changed():

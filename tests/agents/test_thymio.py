@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from thymiodirect.assembler import Assembler
 from thymiodirect.connection import RemoteNode
 
+from agents import status
 from agents.commands import options
 from agents.robots.thymio import camera, firmware
 from agents.robots.thymio.calibration import Leg, solve
@@ -323,7 +324,7 @@ def test_pictures_are_red_small_and_stamped_as_they_come(tmp_path):
     begin_ns = HostClock().now_ns()
     with Filmed(film(tmp_path / "film.avi", 60), camera_rate_hz=100) as filmed:
         until(lambda: len(filmed.pictures) >= 10, "pictures")
-        assert filmed.camera.state == camera.LIVE
+        assert filmed.camera.state == status.CAMERA_LIVE
         end_ns = filmed.clock.now_ns()
     stamps = np.array(filmed.stamps)
     assert begin_ns < stamps[0]
@@ -364,7 +365,7 @@ def test_a_missing_camera_is_told_and_none_is_none(tmp_path):
     with Filmed(str(tmp_path / "nothing.avi")) as filmed:
         until(lambda: "cannot be opened" in filmed.camera.state, "its word")
     with Filmed("") as filmed:
-        assert filmed.camera.state == camera.NONE
+        assert filmed.camera.state == status.CAMERA_NONE
     assert filmed.pictures == []
 
 

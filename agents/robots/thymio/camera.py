@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from agents import status
 from agents.robots.thymio.clock import HostClock
 from llrp_online.configuration import Thymio
 
@@ -23,8 +24,6 @@ logger = logging.getLogger(__name__)
 
 Pixels = NDArray[np.uint8]
 
-LIVE = "live"
-NONE = "none configured"
 _RETRY_S = 1.0
 _NETWORK_TIMEOUT_MS = 3000
 _CLOSE_S = 1.0
@@ -68,15 +67,15 @@ class Camera:
 
     @property
     def state(self) -> str:
-        """`LIVE`, `NONE`, or what is wrong and what to do."""
+        """`status.CAMERA_LIVE`, `CAMERA_NONE`, or what is wrong and what to do."""
         if not self._settings.camera:
-            return NONE
+            return status.CAMERA_NONE
         if self._trouble:
             return self._trouble
         still_s = time.monotonic() - self._fresh_s
         if still_s > self._settings.camera_frozen_s:
             return f"frozen for {still_s:.0f} s: the same picture, or none: take off the cap, plug it in anew"
-        return LIVE
+        return status.CAMERA_LIVE
 
     def _run(self) -> None:
         while not self._stop.is_set():

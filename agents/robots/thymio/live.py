@@ -148,7 +148,7 @@ class LiveThymio:
         self._said_s = time.monotonic()
         self._status.put(status.encode("robot", self._clock.now_ns(), asdict(self.status)))
         self._say("Thymio", self._link, self._link == CONNECTED)
-        self._say("camera", self._camera.state, self._camera.state in (camera.LIVE, camera.NONE))
+        self._say("camera", self._camera.state, self._camera.state in (status.CAMERA_LIVE, status.CAMERA_NONE))
 
     def _say(self, what: str, state: str, fine: bool) -> None:
         """To whoever watches the terminal, when it is another kind of state than before."""
