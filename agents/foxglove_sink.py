@@ -11,6 +11,7 @@ from collections import Counter
 from typing import Any
 
 from agents import messages
+from agents.extras import install
 from agents.messages import MessageError
 from agents.transport import Received, topic
 
@@ -94,4 +95,4 @@ def _library() -> Any:
     try:
         return importlib.import_module("foxglove")
     except ImportError as error:
-        raise RuntimeError("a live view in Foxglove needs foxglove-sdk: pip install 'llrp-online[foxglove]'") from error
+        raise RuntimeError(f"a live view in Foxglove needs foxglove-sdk: {install('foxglove')}") from error

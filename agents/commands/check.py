@@ -80,9 +80,10 @@ def run(arguments: argparse.Namespace) -> int:
 def _propose(arguments: argparse.Namespace) -> int:
     """A configuration on standard output, or what is missing for one."""
     survey = Survey()
-    for path in arguments.recordings:
-        for message in read(path):
+    for path, told in track_recordings(arguments.recordings, "reading"):
+        for message, share in shares(read(path)):
             survey.add(message)
+            told(share)
     proposal = propose(survey, arguments.recordings[0].stem)
     if arguments.json:
         topics = {topic: {"type": what.type, "rate_hz": what.rate_hz} for topic, what in survey.topics.items()}

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from agents.agent import joined
 from agents.commands import options
+from agents.extras import install
 
 _LOOK_EVERY_S = 0.2
 _PORT = 8080
@@ -24,7 +25,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the Save button's checkpoints go there, on the learner's machine (default: runs/saved)",
     )
     parser.epilog = (
-        "Needs the extra `dashboard`: pip install 'llrp-online[dashboard]'.\n\n"
+        f"Needs the extra `dashboard`: {install('dashboard')}.\n\n"
         "examples:\n"
         "  llrp dashboard\n"
         "  llrp dashboard --host 0.0.0.0    (to watch on a phone beside the robot, in a network you trust)"
@@ -40,9 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
     except ImportError as error:
         if error.name is None or error.name.split(".")[0] not in ("starlette", "uvicorn", "websockets"):
             raise
-        raise RuntimeError(
-            f"{error.name} is not installed: pip install 'llrp-online[dashboard]' (or make install in the project)"
-        ) from error
+        raise RuntimeError(f"{error.name} is not installed: {install('dashboard')}") from error
 
     configuration = options.load_configuration(arguments)
     with joined(configuration, "dashboard", alone=False) as agent:

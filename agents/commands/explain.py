@@ -18,7 +18,7 @@ _BITS = {1: "1", 0: "0", -1: "?"}
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
-    parser.add_argument("recording", type=Path, metavar="RECORDING.mcap")
+    parser.add_argument("recording", type=Path, metavar="RECORDING", help="an MCAP file or a bag")
     options.add_config(parser)
     parser.add_argument(
         "--at", type=float, required=True, metavar="SECONDS", help="after the first frame; the nearest frame is taken"

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from agents.extras import install
 from llrp_online.configuration import RobotConfiguration, load
 from replay import compiling
 
@@ -116,7 +117,7 @@ def add_port(parser: argparse.ArgumentParser) -> None:
 def need_thymio() -> None:
     """RuntimeError that says what to install, where the extra `thymio` is not."""
     if importlib.util.find_spec("thymiodirect") is None or importlib.util.find_spec("serial") is None:
-        raise RuntimeError("a real Thymio needs pyserial and thymiodirect: pip install 'llrp-online[thymio]'")
+        raise RuntimeError(f"a real Thymio needs pyserial and thymiodirect: {install('thymio')}")
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:

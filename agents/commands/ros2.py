@@ -4,13 +4,14 @@ import argparse
 
 from agents.agent import joined
 from agents.commands import options
+from agents.extras import install
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Its words."""
     options.add_agent(parser)
     parser.epilog = (
-        "Wants rclpy: source ROS 2 first, or pip install 'llrp-online[ros]'. A robot that speaks rmw_zenoh or runs\n"
+        f"Wants rclpy: source ROS 2 first, or\n{install('ros')}.\nA robot that speaks rmw_zenoh or runs "
         "zenoh-bridge-ros2dds needs no node: set `[keys] mapping` instead.\n\n"
         "example:\n  llrp ros2 --config configs/turtlebot4.toml"
     )

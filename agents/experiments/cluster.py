@@ -8,6 +8,7 @@ from typing import Any
 from agents.experiments.local import TrialError
 from agents.experiments.trial import Done, Trial
 from agents.experiments.worker import run_alone
+from agents.extras import install
 
 #: A trial whose worker was lost is begun again this often.
 _RETRIES = 5
@@ -25,7 +26,7 @@ class Cluster:
         try:
             self._ray: Any = importlib.import_module("ray")
         except ImportError as error:
-            raise ImportError("--ray needs Ray: pip install 'llrp-online[cluster]'") from error
+            raise ImportError(f"--ray needs Ray: {install('cluster')}") from error
         self._drives = drives
         self._ray.init(address=address, log_to_driver=False)
 

@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.extras import install
 from llrp_online import checkpoint
 from tests.agents.browser import browser
 from tests.agents.processes import ROOT, WAIT_S, Agents, quick_configuration, until
 
-pytest.importorskip("starlette", reason="to test the dashboard: pip install 'llrp-online[dashboard]'")
+pytest.importorskip("starlette", reason=f"to test the dashboard: {install('dashboard')}")
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
 WAIT_MS = 1000 * WAIT_S
 

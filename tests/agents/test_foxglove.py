@@ -9,10 +9,11 @@ import psutil
 import pytest
 
 from agents import messages
+from agents.extras import install
 from agents.transport import Received, Stream
 from tests.agents.processes import Agents, quick_configuration, until
 
-pytest.importorskip("foxglove", reason="pip install 'llrp-online[foxglove]'")
+pytest.importorskip("foxglove", reason=install("foxglove"))
 from websockets.sync.client import ClientConnection, connect
 
 from agents.foxglove_sink import FoxgloveSink

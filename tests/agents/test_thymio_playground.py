@@ -394,7 +394,7 @@ MINUTES = 2.0
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_two_minutes_of_exploring(arena, tmp_path, capsys):
-    """Odometry against the robot's own position, and bits against geometry, all the way."""
+    """Odometry against the robot's own position all the way; bits against geometry are held in tests of their own."""
     arena.put(1.0, 1.0, 0.0)
     with Bench(tmp_path, arena.port) as bench:
         bench.wait_odometry()

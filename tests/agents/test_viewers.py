@@ -15,6 +15,7 @@ from mcap_ros2.decoder import DecoderFactory
 
 from agents import messages, status, topics
 from agents.behaviours import controller
+from agents.extras import install
 from agents.recorder import Recorder
 from agents.robots.simulated import load_scenario
 from agents.robots.wire import Wire
@@ -169,7 +170,7 @@ def test_the_layout_places_each_panel_once():
 
 
 def test_the_layout_has_only_settings_that_foxglove_knows():
-    layouts = pytest.importorskip("foxglove.layouts", reason="pip install 'llrp-online[foxglove]'")
+    layouts = pytest.importorskip("foxglove.layouts", reason=install("foxglove"))
     configs = {
         "Image": layouts.ImageConfig,
         "3D": layouts.ThreeDeeConfig,

@@ -3,6 +3,8 @@
 import importlib
 from typing import Any
 
+from agents.extras import install
+
 
 class RosMissingError(RuntimeError):
     """A part of ROS 2 that is not installed; the message says how to get it."""
@@ -16,7 +18,7 @@ def load(module: str) -> Any:
         package = module.partition(".")[0]
         raise RosMissingError(
             f"{package} is not installed here ({error}): source the ROS 2 workspace that has it, such as "
-            f"`. /opt/ros/jazzy/setup.sh`, in an environment of that Python; or pip install 'llrp-online[ros]'"
+            f"`. /opt/ros/jazzy/setup.sh`, in an environment of that Python; or {install('ros')}"
         ) from error
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.extras import install
 from agents.robots.simulated.layout import Layout, Shape
 from agents.robots.simulated.scenario import Surface
 
@@ -136,5 +137,5 @@ def _import_mujoco() -> Any:
     try:
         import mujoco
     except ImportError as error:
-        raise ImportError("the simulated robot needs MuJoCo: pip install 'llrp-online[sim]'") from error
+        raise ImportError(f"the simulated robot needs MuJoCo: {install('sim')}") from error
     return mujoco
