@@ -132,7 +132,15 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
                 "positives", _positives(lived), "Share of positive labels by minute, by way of driving while learning"
             ),
         ],
+        list(_remarks(lived)),
     )
+
+
+def _remarks(lived: Mapping[str, Sequence[Result]]) -> Iterator[str]:
+    """What the same labels, learned from alike, say of the floor of positives."""
+    usual, *floors = (lived[life] for life, (behaviour, _) in _LIVES.items() if behaviour == "avoid")
+    if all(runs == usual for runs in floors):
+        yield "No floor of positives changed a single number: in these lives none of them ever came to hold."
 
 
 def _driving_claims(size: Size, judged: Mapping[str, Sequence[Result]]) -> Iterator[Claim]:
