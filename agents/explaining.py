@@ -22,10 +22,9 @@ def explain_at(configuration: RobotConfiguration, path: Path, at_s: float) -> tu
     first_ns, t_ns = _nearest_frame(configuration, path, at_s)
     intake, labeller = Intake(configuration), Labeller(configuration, only_closed=True, explain_ns=t_ns)
     with share_of("labelling") as told:
-        for message, share in messages_of(path, intake):
+        for message in _telling(messages_of(path, intake), told):
             for event in intake.events(message.topic, message.type, message.data, message.log_ns):
                 labeller.take(event)
-            told(share)
             if labeller.store.explained is not None:
                 break
         else:

@@ -35,6 +35,8 @@ _SLOWLY_S = 1.0
 _BEFORE_S = 20.0
 _MOVED_WITHIN_S = 10.0
 _RATE_S = 3.0
+#: What is wrong with a message that nothing was dropped of: of a sensor, of a camera.
+_UNREAD = "nothing in it that the configuration names", "not a picture that can be read"
 
 
 class Heard:
@@ -308,7 +310,7 @@ class Collector:
             if age_s is not None and age_s < SILENT_S < now_s - used_s:
                 relative = topics.relative_topic(configuration.robot.name, name)
                 wrong = {what: count for what, count in self._intake.drops.items() if what.startswith(f"{relative}:")}
-                found[cause] = max(wrong, key=wrong.__getitem__, default=f"{name}: not a picture that can be read")
+                found[cause] = max(wrong, key=wrong.__getitem__, default=f"{name}: {_UNREAD[name in self._cameras]}")
         return found
 
 

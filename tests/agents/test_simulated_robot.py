@@ -1,6 +1,7 @@
 """The whole simulated robot: its time, its determinism, and what it meets in the ten scenarios."""
 
 import hashlib
+import re
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from agents.controllers.explore import Explore
+from agents.extras import install
 from agents.robots.simulated import SimulatedRobot, load_scenario
 from agents.rollout import RangeBits, rollout
 from llrp_online.configuration import load
@@ -104,7 +106,7 @@ def test_floors_look_different():
 
 def test_without_mujoco_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)  # Python's own way to make an import fail
-    with pytest.raises(ImportError, match=r"pip install .*'\.\[sim\]'"):
+    with pytest.raises(ImportError, match=re.escape(install("sim"))):
         robot()
 
 

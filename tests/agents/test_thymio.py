@@ -3,6 +3,7 @@
 import math
 import os
 import pty
+import re
 import tty
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from thymiodirect.connection import RemoteNode
 
 from agents import status
 from agents.commands import options
+from agents.extras import install
 from agents.robots.thymio import camera, firmware
 from agents.robots.thymio.calibration import Leg, solve
 from agents.robots.thymio.clock import BeatClock, HostClock
@@ -383,5 +385,5 @@ def test_the_robot_is_reached_otherwise_and_its_studies_are_the_same(tmp_path):
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
-    with pytest.raises(RuntimeError, match=r"pip install .*'\.\[thymio\]'"):
+    with pytest.raises(RuntimeError, match=re.escape(install("thymio"))):
         options.need_thymio()
