@@ -70,7 +70,9 @@ class Processes:
     def __init__(self, folder: Path, config: Path, *, hub: bool = True) -> None:
         self.folder, self.config, self.endpoint = folder, config, free_endpoint()
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
-        self.session = open_session(self.endpoint, hub=hub, name="test", naming=naming_of(load(config)))
+        configuration = load(config)
+        self.robot_name = configuration.robot.name
+        self.session = open_session(self.endpoint, hub=hub, name="test", naming=naming_of(configuration))
 
     def __enter__(self) -> Self:
         return self
@@ -121,7 +123,7 @@ class Agents(Processes):
         subscribe_stream(self.session, self.key(topics.COMMAND), self._hear_command)
 
     def key(self, topic: str) -> str:
-        return key("thymio", topic)
+        return key(self.robot_name, topic)
 
     def is_up(self, name: str) -> bool:
         process = self.processes.get(name)
@@ -132,13 +134,13 @@ class Agents(Processes):
         until(
             lambda: (
                 all(self.is_up(n) for n in names if n in self.processes)
-                and set(names) <= present(self.session, "thymio")
+                and set(names) <= present(self.session, self.robot_name)
             ),
             f"presence of {names}",
         )
 
     def wait_gone(self, *names: str) -> None:
-        until(lambda: not set(names) & present(self.session, "thymio"), f"absence of {names}")
+        until(lambda: not set(names) & present(self.session, self.robot_name), f"absence of {names}")
 
     def kill(self, name: str) -> None:
         self.processes[name].kill()
@@ -160,7 +162,7 @@ class Agents(Processes):
         return call(self.session, self.key(topics.LEARNER_COMMAND), request, timeout_s)
 
     def _count(self, message: Received) -> None:
-        self.counts[message.key.removeprefix("thymio/")] += 1
+        self.counts[message.key.removeprefix(f"{self.robot_name}/")] += 1
 
     def _hear_learner(self, message: Received) -> None:
         self.learner = status.decode_learner(message.data)

@@ -17,57 +17,25 @@ import pytest
 
 from agents.extras import install
 from llrp_online import checkpoint
-from tests.agents.browser import browser
+from tests.agents.browser import Watcher, browser
 from tests.agents.processes import ROOT, WAIT_S, Agents, quick_configuration, until
 
 pytest.importorskip("starlette", reason=f"to test the dashboard: {install('dashboard')}")
 pytestmark = [pytest.mark.live, pytest.mark.timeout(600)]
-WAIT_MS = 1000 * WAIT_S
 
 
-class World:
+class World(Watcher):
     """A robot that learns, its dashboard, and a page on it."""
 
     def __init__(self, agents, chromium, screenshots):
-        self.agents, self.chromium, self.screenshots = agents, chromium, screenshots
-        self.port = 0
-        self.page = None
+        super().__init__(chromium, screenshots)
+        self.agents = agents
 
     def start_dashboard(self):
         saved = self.agents.folder / "saved"
         self.agents.start("dashboard", "dashboard", "--port", str(self.port), "--save-to", str(saved))
         until(lambda: "http://" in self.agents.said("dashboard"), "the dashboard's address")
         self.port = int(re.search(r"http://127\.0\.0\.1:(\d+)/", self.agents.said("dashboard")).group(1))
-
-    def open(self, **context):
-        page = self.chromium.new_page(**context)
-        page.set_default_timeout(WAIT_MS)
-        page.on("pageerror", lambda error: self.faults.append(str(error)))
-        page.on("console", lambda said: self.faults.append(said.text) if said.type == "error" else None)
-        self.faults = []
-        page.goto(f"http://127.0.0.1:{self.port}/")
-        page.wait_for_selector("[data-link=live]")
-        return page
-
-    def until(self, script, what):
-        """Wait until a script is true in the page, which itself may not evaluate texts."""
-        until(lambda: self.page.evaluate(script), f"{what}; {self.faults}")
-
-    def text(self, selector):
-        return self.page.inner_text(selector)
-
-    def picture(self, selector):
-        """A canvas or the source of an image, as text that differs when it does."""
-        return self.page.eval_on_selector(selector, "e => e.tagName === 'CANVAS' ? e.toDataURL() : e.src")
-
-    def until_it_changes(self, selector):
-        before = self.picture(selector)
-        until(lambda: self.picture(selector) != before, f"{selector} changes")
-
-    def shoot(self, name, **more):
-        if self.screenshots is not None:
-            self.page.wait_for_timeout(700)
-            self.page.screenshot(path=str(self.screenshots / f"dashboard-{name}.png"), **more)
 
 
 @pytest.fixture(scope="module")

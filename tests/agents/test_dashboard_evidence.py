@@ -1,77 +1,32 @@
 """What the dashboard makes of a robot's own messages: the causes that it names, and the word of its stop button."""
 
 import threading
-import time
 from collections.abc import Generator
 from dataclasses import asdict
 
-import numpy as np
 import pytest
 
 from agents import messages, status, topics
 from agents.agent import Agent
 from agents.dashboard.button import StopButton
-from agents.dashboard.collector import Collector
 from agents.naming import naming_of
-from agents.transport import Frames, State, Stream, free_endpoint, key, open_session, subscribe_stream
-from llrp_online.configuration import RobotConfiguration, load
+from agents.transport import State, free_endpoint, key, open_session, subscribe_stream
+from llrp_online.configuration import load
 from llrp_online.configuration.running import Keys
-from llrp_online.events import OdometrySample
 from tests.agents import robots
 from tests.agents.processes import until
+from tests.agents.scripted import SECOND, WatchedRobot, keep_on
 
 pytestmark = pytest.mark.live
 
-SECOND = 1_000_000_000
-
-
-class Robot:
-    """A robot's messages, as a test says them, and the dashboard that looks on."""
-
-    def __init__(self, configuration: RobotConfiguration, agent: Agent) -> None:
-        self.configuration, self._agent = configuration, agent
-        self.collector = Collector(agent, configuration)
-        self._streams: dict[str, Stream | Frames] = {}
-        self.tick = 0
-
-    def say(self, topic: str, message: object, *, frames: bool = False) -> None:
-        kind = Frames if frames else Stream
-        if topic not in self._streams:
-            self._streams[topic] = kind(self._agent.session, self._agent.key(topic), message.__msgtype__)
-        self._streams[topic].put(messages.encode(message))
-
-    def drive(self, pose_m: float | None = None) -> None:
-        """A pose a tenth of a second after the one before."""
-        self.tick += 1
-        x_m = 0.02 * self.tick if pose_m is None else pose_m
-        sample = OdometrySample(SECOND + self.tick * SECOND // 10, np.array([x_m, 0.0, 0.0]))
-        self.say(self.configuration.odometry.topic, messages.odometry(sample))
-
-    def picture(self, value: int, camera: int = 0) -> None:
-        pixels = np.full((8, 8, 3), value, np.uint8)
-        self.say(self.configuration.camera[camera].topic, messages.image(self.tick * SECOND // 10, pixels), frames=True)
-
-    def causes(self) -> dict[str, str]:
-        self.collector.tick()
-        return {one.cause: f"{one.what} {one.do}" for one in self.collector.findings}
-
 
 @pytest.fixture
-def robot(request: pytest.FixtureRequest) -> Generator[Robot]:
+def robot(request: pytest.FixtureRequest) -> Generator[WatchedRobot]:
     configuration = load(f"configs/{request.param}.toml")
     with open_session(free_endpoint(), name="robot", naming=naming_of(configuration)) as session:
-        robot = Robot(configuration, Agent(session, configuration.robot.name, threading.Event()))
+        robot = WatchedRobot(configuration, Agent(session, configuration.robot.name, threading.Event()))
         yield robot
         robot.collector.close()
-
-
-def keep_on(step, found, timeout_s: float = 20.0) -> None:
-    """Ten steps a second, until what is waited for is found."""
-    end_s = time.monotonic() + timeout_s
-    while not found():
-        assert time.monotonic() < end_s, "it never came"
-        step()
-        time.sleep(0.1)
 
 
 @pytest.mark.parametrize("robot", ["kobuki"], indirect=True)
@@ -115,7 +70,7 @@ def test_what_comes_and_cannot_be_used_is_told_from_standing_still(robot):
 
 @pytest.mark.parametrize("robot", ["thymio"], indirect=True)
 def test_a_thymio_that_keeps_frozen_pictures_back_says_why_none_come(robot):
-    says = State(robot._agent.session, key("thymio", topics.ROBOT_STATUS), topics.STATUS_TYPE)
+    says = State(robot.agent.session, key("thymio", topics.ROBOT_STATUS), topics.STATUS_TYPE)
     says.put(status.encode("robot", 0, asdict(status.ThymioStatus(1.0, 0.1, "connected", "frozen for 3 s: unplug it"))))
     keep_on(robot.drive, lambda: "frozen for 3 s: unplug it" in robot.causes().get("camera missing", ""))
 

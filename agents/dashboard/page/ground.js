@@ -76,7 +76,7 @@ export class Ground {
   fit(width, height) {
     const xs = [this.pose[0]], ys = [this.pose[1]];
     for (const [, x, y] of this.path) (xs.push(x), ys.push(y));
-    const reach = Math.min(Math.max(...this.about.targets.map(([x, y]) => Math.hypot(x, y))), 3) + 0.1;
+    const reach = Math.max(...this.about.targets.map(([x, y]) => Math.hypot(x, y))) + 0.1;
     const box = [Math.min(...xs, this.pose[0] - reach), Math.max(...xs, this.pose[0] + reach), Math.min(...ys, this.pose[1] - reach), Math.max(...ys, this.pose[1] + reach)];
     const scale = Math.min(width / (box[1] - box[0]), height / (box[3] - box[2])) * 0.92;
     const middle = [(box[0] + box[1]) / 2, (box[2] + box[3]) / 2];
@@ -105,20 +105,21 @@ export class Ground {
     context.fillText(`${step} m a square`, 8, height - 8);
   }
 
+  /** The path, and below it, broad, its part within the window. */
   lines(context, { at }) {
-    const since = this.nowS - (this.window ? this.window[0] : 0);
-    for (const inside of [false, true]) {
-      context.strokeStyle = colour(inside ? "window" : "path");
-      context.lineWidth = inside ? 3 : 1.4;
+    const windowS = this.nowS - (this.window ? this.window[0] : 0);
+    for (const [name, wide, since] of [["window", 8, windowS], ["path", 1.4, -Infinity]]) {
+      context.strokeStyle = colour(name);
+      context.lineWidth = wide;
       context.lineJoin = "round";
       context.beginPath();
       let before = null;
       for (const [t, x, y, joined] of this.path) {
         const here = at(x, y);
-        if (t >= since === inside && joined && before) (context.moveTo(...before), context.lineTo(...here));
+        if (t >= since && joined && before) (context.moveTo(...before), context.lineTo(...here));
         before = here;
       }
-      if (inside && before) (context.moveTo(...before), context.lineTo(...at(this.pose[0], this.pose[1])));
+      if (before) (context.moveTo(...before), context.lineTo(...at(this.pose[0], this.pose[1])));
       context.stroke();
     }
   }
