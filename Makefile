@@ -10,7 +10,7 @@ ROS_STAMP := $(ROS_VENV)/.installed
 BENCH_STAMP := $(VENV)/.bench-installed
 DOCS_STAMP := $(VENV)/.docs-installed
 
-.PHONY: demo test test-fast lint bench bench-short studies-quick docs docs-site install ros-venv clean
+.PHONY: demo test test-slow lint bench bench-short studies-quick docs docs-site install ros-venv clean
 
 install: $(STAMP)
 
@@ -29,12 +29,12 @@ PYTEST := $(BIN)/python -m pytest -W error
 ON_EVERY_CORE := -n logical --dist loadfile
 
 test: $(STAMP)
-	$(PYTEST) $(ON_EVERY_CORE) -m "not live"
-	$(PYTEST) -m live
-
-test-fast: $(STAMP)
 	$(PYTEST) $(ON_EVERY_CORE) -m "not live and not slow"
 	$(PYTEST) -m "live and not slow"
+
+test-slow: $(STAMP)
+	$(PYTEST) $(ON_EVERY_CORE) -m "slow and not live"
+	$(PYTEST) -m "slow and live"
 
 lint: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -4,6 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from agents.controllers.curious import Curious
 from agents.experiments.drives import Drive
@@ -22,6 +23,7 @@ def test_an_oracle_goes_far_and_seldom_touches_anything(tmp_path: Path) -> None:
     assert told["metres"] > 2
 
 
+@pytest.mark.slow
 def test_a_drive_while_learning_counts_each_minute_and_repeats_itself(tmp_path: Path) -> None:
     robot, arena = robot_of(USUAL), scenario("tiles")
     start = asdict(Start(USUAL.model_dump(mode="json"), [Drive(robot, arena, 0, 0.2)]))

@@ -203,7 +203,8 @@ def test_a_sender_that_names_no_type_is_read_as_the_configuration_says(dialect):
     assert found[0] == Received("rover/odom", ODOMETRY, TRUE, None)
 
 
-@pytest.mark.parametrize("mapping", ["ros2-zenoh", pytest.param("ros2-dds", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mapping", ["ros2-zenoh", "ros2-dds"])
 def test_all_agents_work_together_under_ros_2_names(tmp_path, mapping):
     config = quick_configuration(tmp_path)
     config.write_text(config.read_text() + f'\n[keys]\nmapping = "{mapping}"\ndomain = 9\nnamespace = "bot1"\n')

@@ -230,6 +230,7 @@ class Cable:
                 self._robot.sendall(os.read(self._master, 4096))
 
 
+@pytest.mark.slow
 def test_a_serial_cable_may_be_pulled_and_plugged_in_again(arena, tmp_path):
     arena.put(1.0, 1.0, 0.0)
     cable = Cable(tmp_path / "ttyThymio", arena)
@@ -292,6 +293,7 @@ def bits_at(bench: Bench, playground: Playground, pose: tuple[float, float, floa
     return bench.readings[-1].bits.tolist()
 
 
+@pytest.mark.slow
 def test_bits_in_a_corridor_and_in_the_open(corridor, tmp_path):
     with Bench(tmp_path, corridor.port) as bench:
         bench.wait_odometry()
@@ -358,6 +360,7 @@ class Answers:
         self.said = b""
 
 
+@pytest.mark.slow
 def test_calibration_finds_the_simulators_own_figures(arena, tmp_path):
     arena.put(0.4, 1.0, 0.0)
     answers = Answers(ROOT / "configs" / "thymio.toml", arena.port)

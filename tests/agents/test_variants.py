@@ -91,6 +91,7 @@ def test_pretraining_tells_pictures_apart(thymio: RobotConfiguration) -> None:
     assert all(layers[name].shape == usual[name].shape for name in layers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [form for form, told in ablate.FORMS.items() if "variant" in told])
 def test_each_variant_learns(form: str, drives: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ablate, "PRETRAINING_STEPS", 3)
