@@ -167,22 +167,26 @@ def _agents(seen: Evidence) -> Iterator[Finding]:
 
 
 def _inputs(seen: Evidence) -> Iterator[Finding]:
+    spoken = f"It speaks only when something changes: press each bumper once. If that does not help: {_SENT}"
+    says = f" The robot says: camera {seen.camera_says}." if seen.camera_says else ""
+    odometry, camera, short_range = seen.names
     kinds = (
-        ("odometry missing", seen.odometry_s, seen.names[0], "Without poses no reading can be brought to a frame"),
-        ("camera missing", seen.camera_s, seen.names[1], "Without pictures there is nothing to label"),
-        ("short range missing", seen.range_s, seen.names[2], "Without readings there is nothing to learn from"),
+        ("odometry missing", seen.odometry_s, odometry, "Without poses no reading can be brought to a frame.", _SENT),
+        ("camera missing", seen.camera_s, camera, f"Without pictures there is nothing to label.{says}", _SENT),
+        (
+            "short range missing",
+            seen.range_s,
+            short_range,
+            "Without readings there is nothing to learn from.",
+            spoken if seen.at_changes else _SENT,
+        ),
     )
-    for cause, age_s, name, why in kinds:
+    for cause, age_s, name, why, never in kinds:
         if age_s is None and seen.watched_s > _PATIENCE_S:
-            what, do = f"Nothing has come on {name}.", _SENT
-            if cause == "short range missing" and seen.at_changes:
-                do = f"It speaks only when something changes: press each bumper once. If that does not help: {_SENT}"
+            yield Finding(cause, "stops", f"Nothing has come on {name}. {why}", never)
         elif age_s is not None and age_s > SILENT_S:
-            what, do = f"{name} has been silent for {age_s:.0f} s.", "Is the robot on, its driver running, the link up?"
-        else:
-            continue
-        said = f" The robot says: camera {seen.camera_says}." if cause == "camera missing" and seen.camera_says else ""
-        yield Finding(cause, "stops", f"{what} {why}.{said}", do)
+            what = f"{name} has been silent for {age_s:.0f} s. {why}"
+            yield Finding(cause, "stops", what, "Is the robot on, its driver running, the link up?")
     for cause, sentence in seen.useless.items():
         yield Finding(
             cause,

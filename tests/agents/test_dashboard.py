@@ -224,6 +224,12 @@ def test_a_dashboard_that_is_stale_or_gone_is_unmistakable(world):
     dashboard.send_signal(signal.SIGSTOP)
     world.page.wait_for_selector("[data-link=stale]")
     assert "silent for" in world.text("#banner")
+    # However long it hangs, those that it looks at go on, and lose nothing by it.
+    counts, sensed = world.agents.counts, [world.agents.missed[name] for name in ("odom", "range")]
+    predictions, missed = counts["prediction"], [one.missed for one in sensed]
+    until(lambda: counts["prediction"] > predictions + 100, "predictions while the dashboard hangs")
+    assert world.agents.is_driving()
+    assert [one.missed for one in sensed] == missed
     dashboard.send_signal(signal.SIGCONT)
     world.page.wait_for_selector("[data-link=live]")
     world.agents.kill("dashboard")
