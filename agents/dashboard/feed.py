@@ -9,7 +9,7 @@ import json
 import math
 import struct
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -137,17 +137,15 @@ def _pictures(collector: Collector, cursor: Cursor, told: dict[str, Any]) -> lis
 def _slowly(collector: Collector, cursor: Cursor, now_s: float) -> dict[str, Any]:
     told: dict[str, Any] = {
         "agents": {name: there for name, there in collector.agents.items() if name != "dashboard"},
-        "findings": [asdict(finding) for finding in collector.findings],
+        "findings": [vars(finding) for finding in collector.findings],
         "window": None if collector.window is None else list(map(_rounded_number, collector.window)),
         "heard": {name: round(now_s - heard_s, 1) for name, heard_s in collector.heard_s.items()},
     }
     for name in ("learner", "perceiver", "controller", "robot"):
         one = getattr(collector, name)
-        told[f"{name}_status"] = None if one is None else _finite(asdict(one))
-    if told["learner_status"] is not None:
-        told["learner_status"]["bands"] = (
-            [band._asdict() for band in collector.learner.bands] if collector.learner else []
-        )
+        told[f"{name}_status"] = None if one is None else _finite(vars(one))
+    if collector.learner is not None:
+        told["learner_status"]["bands"] = [band._asdict() for band in collector.learner.bands]
     changed = collector.pasts.since(cursor.past)
     told["oldest"] = collector.pasts.oldest_key
     if changed:
