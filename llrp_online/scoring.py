@@ -45,8 +45,12 @@ class Exam:
         )
 
 
+#: Known labels of each class that a cell needs to count.
+FEWEST = 10
+
+
 def mean_auc(
-    score: Score, farthest_m: float, fewest: int = 10, sensors: Sequence[int] | None = None
+    score: Score, farthest_m: float, fewest: int = FEWEST, sensors: Sequence[int] | None = None
 ) -> tuple[float, int]:
     """Mean AUC over the cells up to a distance that have enough known labels of both classes, and how many they are.
 

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
     size = study.QUICK if arguments.quick else study.FULL
     output = arguments.output or Path("runs/experiments") / (arguments.study + ("-quick" if arguments.quick else ""))
     options.make_folder(output)
-    shelf, drives, trials = Shelf(output / "trials"), output.parent / "drives", study.trials(size)
+    shelf, drives, trials = Shelf(output / "trials"), (output.parent / "drives").resolve(), study.trials(size)
     missing = [trial for trial in trials if shelf.get(trial) is None]
     if missing:
         runner = Cluster(arguments.ray, drives) if arguments.ray else Local(arguments.processes, drives)
@@ -73,7 +73,9 @@ def run(arguments: argparse.Namespace) -> int:
     for claim in found.claims:
         print("  ".join(cell for cell in claim.row() if cell))
     cost = f"{len(trials)} trials, {shelf.computing_s(trials) / 60:.0f} minutes of one core"
-    print(f"{cost}; {len(missing)} run now, {len(trials) - len(missing)} kept from before; see {page}")
+    cost += f", {stale} of them by an earlier state of the code" if stale else ""
+    cost += f"; seeds {', '.join(map(str, size.seeds))}"
+    print(f"{cost}. {len(missing)} run now, {len(trials) - len(missing)} kept from before; see {page}")
     if arguments.results:
         results.put(arguments.results, arguments.study, found, cost)
     return 0

@@ -160,7 +160,8 @@ def _claims(size: Size, runs: Mapping[str, Sequence[Marks]], oracle: NDArray[np.
         yield Claim.median(f"new floor, {when}", column, n, {0: 0.87, 180: 0.91}.get(mark_s))
     deepest = (new[:, :1] - new).max(1)
     yield Claim.median("new floor: deepest fall below the start", deepest, n, 0.02, at_most=True)
-    yield Claim("new floor: deepest fall of any run", float(deepest.max()), 0.02, None, f"{len(deepest)} runs", True)
+    worst = None if np.isnan(deepest).any() else float(deepest.max())
+    yield Claim("new floor: deepest fall of any run", worst, 0.02, None, f"{len(deepest)} runs", True)
     yield Claim.median(_ORACLE, oracle, n)
     if _ORACLE_S in marks_s:
         share = new[:, marks_s.index(_ORACLE_S)] / oracle

@@ -16,7 +16,7 @@ from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Table
 from agents.experiments.learning import learning
 from agents.experiments.settings import HELD_OUT, changed, configuration_of, robot_of, scenario, with_seed
-from agents.experiments.statistics import median
+from agents.experiments.statistics import mean
 from agents.experiments.trial import Result, Trial
 
 USUAL, FORGETFUL = "with the memory", "learning from recent frames alone"
@@ -79,12 +79,14 @@ def claims(row: Row, results: Mapping[str, Sequence[Result]]) -> Iterator[Claim]
         yield Claim.median(f"in a row, {form}: forgotten, worst floor", [one.worst for one in found], n)
         yield Claim.median(f"in a row, {form}: the first floor, met again", [one.again for one in found], n)
     heard = [alarms(run["alarms_s"], row.changes_s, 60 * row.minutes * len(row.stages)) for run in results[USUAL]]
-    delays = [delay for one in heard for delay in one.delays_s]
-    changes = len(row.changes_s) * len(heard)
-    yield Claim("in a row: floor changes noticed", len(delays) / changes, None, None, f"{changes} changes")
+    changes = len(row.changes_s)
+    share, interval = mean([len(one.delays_s) / changes for one in heard])
+    n = f"{changes * len(heard)} changes in {len(heard)} rows"
+    yield Claim("in a row: share of floor changes that are noticed", share, None, interval, n)
+    delays = [(delay, number) for number, one in enumerate(heard) for delay in one.delays_s]
     if delays:
-        middle, interval = median(delays)
-        yield Claim("in a row: delay of the alarm [s]", middle, None, interval, f"{len(delays)} alarms")
+        found, rows = zip(*delays, strict=True)
+        yield Claim.median("in a row: delay of the alarm [s]", found, "{} alarms", groups=rows)
     yield Claim.median("in a row: false alarms an hour", [one.false_per_hour for one in heard], "{} rows")
 
 

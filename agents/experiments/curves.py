@@ -36,8 +36,12 @@ def _metres(mark: Result) -> float:
     return mark["driven_m"]
 
 
+def _steps(mark: Result) -> float:
+    return mark["steps"]
+
+
 #: What curves go by: label of the axis, and how to read it off a mark.
-TIME, METRES = ("robot time [min]", _minutes), ("driven, by odometry [m]", _metres)
+TIME, METRES, STEPS = ("robot time [min]", _minutes), ("driven, by odometry [m]", _metres), ("training steps", _steps)
 Abscissa = tuple[str, Callable[[Result], float]]
 
 

@@ -47,6 +47,7 @@ class Claim:
         bar: float | None = None,
         *,
         at_most: bool = False,
+        groups: Sequence[object] | None = None,
     ) -> Self:
         """The median over runs with its interval; runs in which it is undefined (None or NaN) do not count.
 
@@ -56,14 +57,16 @@ class Claim:
             n: how many values it is of; `{}` in it stands for those that count.
             bar: to reach.
             at_most: the bar is a ceiling.
+            groups: of runs that are drawn together, one a run; see `statistics.median`.
 
         >>> Claim.median("AUC", [0.8, None, 0.9], "{} runs").row()
         ['AUC', '0.850', '0.800 to 0.900', '', '', '2 runs']
         """
         found = np.array(values, np.float64)
-        known = found[~np.isnan(found)]
-        middle, interval = median(known) if len(known) else (None, None)
-        return cls(what, middle, bar, interval, n.format(len(known)), at_most)
+        there = ~np.isnan(found)
+        some = None if groups is None else [group for group, known in zip(groups, there, strict=True) if known]
+        middle, interval = median(found[there], some) if there.any() else (None, None)
+        return cls(what, middle, bar, interval, n.format(int(there.sum())), at_most)
 
     @property
     def holds(self) -> bool | None:

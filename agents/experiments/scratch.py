@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.experiments.curves import METRES, Marks, curves, time, values
+from agents.experiments import ablate
+from agents.experiments.curves import METRES, STEPS, Marks, curves, time, values
 from agents.experiments.drives import Drive
 from agents.experiments.findings import Claim, Findings, Plot
 from agents.experiments.learning import learning
@@ -83,28 +84,49 @@ def findings(size: Size, results: Sequence[Result]) -> Findings:
         f"{_LAYOUTS} other layouts of the same scenario, {size.held_out_minutes:g} minutes each, driven as the "
         "paper's robot acquires its data, whatever the robot that learns does. `As fast` is at the speeds of seeking. "
         "Mean AUC is over the cells (target x sensor) with at least ten known labels of each class; values are medians "
-        "over runs, intervals resample runs."
+        "over runs, intervals resample scenarios (with all their seeds), pairs where forms are compared."
     )
     return Findings(
         "scratch: from nothing",
         story,
-        [*_medians(size, usual), *_worst(runs[_USUAL]), *_by_form(compared)],
+        [*_medians(size, runs[_USUAL]), *_worst(runs[_USUAL]), *_untouched(size, runs[_USUAL]), *_by_form(compared)],
         runs,
         [
             Plot("learning_curve", curves({_USUAL: usual}, "new"), "Median AUC by robot minutes, all scenarios"),
             Plot("by_metres", curves({_USUAL: usual}, "new", METRES), "Median AUC by metres driven, all scenarios"),
+            Plot(
+                "by_steps",
+                curves({_USUAL: usual}, "new", STEPS),
+                "Median AUC by training steps, all scenarios",
+                "What a step takes in seconds of computing: docs/BENCHMARKS.md, and AUC against those seconds there.",
+            ),
             Plot("forms", curves(compared, "new"), "Median AUC by robot minutes, by form of learning", f"In {first}."),
         ],
     )
 
 
-def _medians(size: Size, runs: Sequence[Marks]) -> Iterator[Claim]:
+def _medians(size: Size, found: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
+    runs, groups = _grouped(found)
     n = f"{len(runs)} runs: {len(size.scenarios)} scenarios x {len(size.seeds)} seeds"
     for part, reach in _REACH.items():
         for mark_s, column in zip(size.marks_s, values(runs, "new", part).T, strict=True):
             if not np.isnan(column).all():
                 what = f"mean AUC at {reach} after {time(mark_s)}"
-                yield Claim.median(what, column, n, _BARS.get((part, int(mark_s))))
+                yield Claim.median(what, column, n, _BARS.get((part, int(mark_s))), groups=groups)
+
+
+def _grouped(found: Mapping[str, Sequence[Marks]]) -> tuple[list[Marks], list[str]]:
+    """All runs, and the scenario of each."""
+    pairs = [(marks, name) for name, several in found.items() for marks in several]
+    return [marks for marks, _ in pairs], [name for _, name in pairs]
+
+
+def _untouched(size: Size, found: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:
+    """The end in those scenarios alone that no choice of the learner was made in, by `llrp experiment ablate`."""
+    runs, groups = _grouped({name: of for name, of in found.items() if name not in ablate.FULL.scenarios})
+    if runs:
+        what = f"mean AUC at 0 to 25 cm after {time(size.marks_s[-1])}, scenarios that `ablate` does not use"
+        yield Claim.median(what, values(runs, "new")[:, -1], "{} runs", groups=groups)
 
 
 def _worst(runs: Mapping[str, Sequence[Marks]]) -> Iterator[Claim]:

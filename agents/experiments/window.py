@@ -153,10 +153,12 @@ def _pooled(found: Sequence[Runs]) -> Iterator[Claim]:
             (True, "the best fixed window"),
             (False, "the fixed window that the other runs choose"),
         ):
-            gains = [gain for of in found for gain in of.gains(name, hindsight=hindsight)]
+            by_run = [list(enumerate(of.gains(name, hindsight=hindsight))) for of in found]
+            gains = [gain for runs in by_run for _, gain in runs]
             if not np.isnan(gains).all():
                 what = f"all together: AUC with {name} less that with {which} of each odometry and behaviour"
-                yield Claim.median(what, gains, _RUNS)
+                # A run's scenario and seed are the same at every odometry and behaviour.
+                yield Claim.median(what, gains, _RUNS, groups=[run for runs in by_run for run, _ in runs])
 
 
 def _claims(cell: Cell, of: Runs) -> Iterator[Claim]:

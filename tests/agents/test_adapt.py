@@ -95,3 +95,15 @@ def test_auc_by_distance_is_of_the_sensors_asked_for() -> None:
     assert crossval._at(score, 0.04, 0.08, centre=False) == pytest.approx(0.7)
     assert crossval._at(score, 0.0, 0.3) == pytest.approx(np.nanmean(auc))
     assert np.isnan(crossval._at(score, 0.5, 0.6))
+
+
+def test_the_best_distance_is_told_where_enough_is_known() -> None:
+    targets = np.stack([np.arange(6) / 100, np.zeros(6), np.zeros(6)], -1)
+    auc = np.array([[0.6], [0.7], [0.9], [0.8], [0.6], [1.0]])
+    enough = np.full((6, 1), 10)
+    few = np.array([[10], [10], [10], [10], [10], [9]])
+    score = Score(targets, ("center",), auc, auc, auc, few, enough, 0.8)
+    assert crossval._peak(score, centre=True) == pytest.approx(0.02)
+    assert crossval._at(score, 0.04, 0.05, centre=True) == pytest.approx(0.6)
+    nothing = Score(targets, ("center",), auc, auc, auc, enough * 0, enough, 0.8)
+    assert np.isnan(crossval._peak(nothing, centre=True))
