@@ -20,6 +20,7 @@ from agents.dashboard.ground import Ground, Misses, Window
 from agents.dashboard.past import Pasts
 from agents.dashboard.questions import Questions
 from agents.dashboard.sights import KEPT, Shot, Sights
+from agents.dashboard.thinning import Thinning
 from agents.intake import Intake
 from agents.messages import MessageError
 from agents.messages.points import PredictionCloud
@@ -30,6 +31,8 @@ from llrp_online.status import LearnerStatus
 
 #: Messages of odometry and short range between two looks; a robot that says more than this is seen with gaps.
 _DEPTH = 512
+#: Robot time between two poses that are taken in: as often as they are drawn, however often they come.
+_POSES_NS = 90_000_000
 _SLOWLY_S = 1.0
 #: The learner's status this long ago is what its newest is compared with.
 _BEFORE_S = 20.0
@@ -105,6 +108,7 @@ class Collector:
         self._outputs = configuration.outputs
         session = agent.session
         self._moved = [configuration.odometry.topic, *configuration.range_topics]
+        self._poses = Thinning(topics.ODOMETRY_TYPE, _POSES_NS)
         self._cameras = [camera.topic for camera in configuration.camera]
         depths = dict.fromkeys(self._moved, _DEPTH) | dict.fromkeys(self._cameras, KEPT)
         depths[topics.PREDICTION] = KEPT
@@ -140,6 +144,7 @@ class Collector:
         with self.lock:
             for name, some in came.items():
                 self.heard[name].heard(len(some), now_s)
+            came[self._moved[0]] = list(self._poses.of(came[self._moved[0]]))
             for name in self._moved:
                 if sum(self._sense(message) for message in came[name]):
                     self._used_s[name] = now_s
