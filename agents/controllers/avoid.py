@@ -4,7 +4,8 @@ From the predicted probabilities comes a clearance for each sensor: how far ahea
 sensor felt something. The least of them sets the speed, and too little of it begins a turn towards the side with more
 room, which goes on until the way is clear. An obstacle close by is below or beside the picture, so what an earlier
 picture said of a place is remembered while the robot drives there (`Belief`). What no picture showed still stops the
-wheels: the robot notices by its odometry, backs off a little and turns well away. The proximity sensors may be off.
+wheels: the robot notices by its odometry, backs off a little, turns well away, and does not drive at that place again
+for a while (`Bumps`). The proximity sensors may be off.
 """
 
 from enum import Enum
@@ -12,6 +13,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.controllers.bumps import Bumps
 from agents.controllers.motion import StuckWatch
 from llrp_online.configuration.running import Control
 from replay.poses import relative
@@ -103,7 +105,7 @@ class Avoid:
         self._middle = [i for i in range(len(sensors)) if i not in self._outer]
         self._random = np.random.default_rng(seed)
         self._watch = StuckWatch(control.stuck_s)
-        self._belief = Belief(self._ahead_m)
+        self._belief, self._bumps = Belief(self._ahead_m), Bumps()
         self._side = 1.0
         self._least_turn_s = 0.0
         self._began_ns: int | None = None
@@ -138,19 +140,24 @@ class Avoid:
     def _decide(self, t_ns: int, pose: Floats, clearance_m: Floats) -> None:
         """Go on as it is, or enter the next phase."""
         since_s = 0.0 if self._began_ns is None else (t_ns - self._began_ns) * 1e-9
+        bump_m = self._bumps.ahead(t_ns, pose)
         if self.phase is Phase.BACK:
             if since_s > _BACK_S:
                 self._side = -self._side
                 self._enter(Phase.TURN, t_ns, pose)
                 self._least_turn_s = float(self._random.uniform(*_BLIND_TURN_S))
         elif self._watch.stuck(t_ns, pose):
+            self._bumps.add(t_ns, pose)
             self._enter(Phase.BACK, t_ns, pose)
+        elif self.phase is Phase.DRIVE and bump_m is not None:
+            self._side = -1.0 if bump_m > 0 else 1.0
+            self._enter(Phase.TURN, t_ns, pose)
         elif self.phase is Phase.DRIVE and not self._is_clear(clearance_m, 1.0):
             self._side = self._roomier_side(clearance_m)
             self._enter(Phase.TURN, t_ns, pose)
         elif self.phase is Phase.TURN and since_s >= self._least_turn_s:
             factor = _CLEAR_FACTOR * max(0.0, 1 - since_s / _LONGEST_TURN_S)
-            if self._is_clear(clearance_m, factor):
+            if bump_m is None and self._is_clear(clearance_m, factor):
                 self._enter(Phase.DRIVE, t_ns, pose)
 
     def _enter(self, phase: Phase, t_ns: int, pose: Floats) -> None:

@@ -114,6 +114,26 @@ def test_held_by_what_no_picture_shows_it_gets_away_from_there():
     assert freed[-1] == (CONTROL.speed_m_s, 0.0)
 
 
+def test_where_it_was_held_it_does_not_drive_again_for_a_while():
+    world = World(avoid())
+    world.drive(CLEAR, 20)
+    place = world.pose
+    world.drive(CLEAR, round(CONTROL.stuck_s * 20) + 2, held=True)
+    world.drive(CLEAR, 100)
+    for left_m, side in ((0.03, 1), (-0.03, -1)):  # the place lies to the right of the way, then to the left
+        world.pose = place + np.array([-0.05, left_m, 0.0])
+        assert world.drive(CLEAR)[0] == (0.0, side * CONTROL.turn_rad_s)
+        away = world.drive(CLEAR, 100)
+        assert away[-1] == (CONTROL.speed_m_s, 0.0)
+        assert np.hypot(*(world.pose - place)[:2]) > 0.1
+    world.pose = place + np.array([-0.05, 0.3, 0.0])
+    assert world.drive(CLEAR)[0] == (CONTROL.speed_m_s, 0.0)
+    world.t_ns += 300_000_000_000
+    world.pose = place
+    world.drive(None)
+    assert world.drive(CLEAR)[0] == (CONTROL.speed_m_s, 0.0)
+
+
 def test_targets_to_the_side_are_refused():
     grid = Targets.grid((0.0, 0.2, 0.1), (-0.1, 0.1, 0.1))
     with pytest.raises(ValueError, match='expected \\[targets\\] kind = "line", straight ahead'):
