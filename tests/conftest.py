@@ -1,6 +1,7 @@
 """What holds for all tests: one thread for training, as the learner has it, and examples that do not depend on luck."""
 
 import os
+import signal
 
 import pytest
 import torch
@@ -13,6 +14,9 @@ from llrp_online.configuration import load
 from tests.agents.processes import ROOT, quick_configuration
 
 torch.set_num_threads(1)
+# What a script starts in the background is deaf to Ctrl-C, and so would be all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("here", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
