@@ -17,7 +17,7 @@ from agents.dashboard.past import Past, Pasts
 from agents.transport import RequestError, Session, call, key
 
 _LOG = logging.getLogger(__name__)
-_LABELS_EVERY_S = 1.0
+_LABELS_EVERY_S = 0.5
 _CURVES_EVERY_S = 5.0
 _UNFINISHED_S = 1.0
 _MEMORY_EVERY_S = 5.0
