@@ -64,7 +64,7 @@ studies-quick: $(STAMP)
 		began=$$(date +%s); \
 		$(BIN)/llrp experiment $$study --quick --output build/studies/$$study > build/$$study.txt || { cat build/$$study.txt; exit 1; }; \
 		took=$$(( $$(date +%s) - began )); echo "$$study: $$took s; $$(tail -1 build/$$study.txt)"; \
-		[ $$took -lt 180 ] || { echo "$$study --quick took $$took s, where 180 are allowed"; }; \
+		[ $$took -lt 180 ] || echo "$$study --quick took $$took s, where 180 are allowed"; \
 	done
 
 docs: $(STAMP)

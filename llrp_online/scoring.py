@@ -46,11 +46,16 @@ class Exam:
 
 
 #: Known labels of each class that a cell needs to count.
-FEWEST = 10
+_FEWEST = 10
+
+
+def enough(score: Score, fewest: int = _FEWEST) -> NDArray[np.bool_]:
+    """(T, S) cells with at least so many known positives, and negatives."""
+    return (score.n_pos >= fewest) & (score.n_neg >= fewest)
 
 
 def mean_auc(
-    score: Score, farthest_m: float, fewest: int = FEWEST, sensors: Sequence[int] | None = None
+    score: Score, farthest_m: float, fewest: int = _FEWEST, sensors: Sequence[int] | None = None
 ) -> tuple[float, int]:
     """Mean AUC over the cells up to a distance that have enough known labels of both classes, and how many they are.
 
@@ -64,8 +69,8 @@ def mean_auc(
         (mean, cells); NaN where no cell has enough.
     """
     near = np.hypot(score.targets[:, 0], score.targets[:, 1]) <= farthest_m + 1e-9
-    enough = near[:, None] & (score.n_pos >= fewest) & (score.n_neg >= fewest)
+    counted = near[:, None] & enough(score, fewest)
     if sensors is not None:
-        enough &= np.isin(np.arange(score.auc.shape[1]), sensors)
-    cells = score.auc[enough]
+        counted &= np.isin(np.arange(score.auc.shape[1]), sensors)
+    cells = score.auc[counted]
     return (float(cells.mean()) if len(cells) else float("nan")), len(cells)

@@ -144,7 +144,8 @@ class Collector:
         with self.lock:
             for name, some in came.items():
                 self.heard[name].heard(len(some), now_s)
-            came[self._moved[0]] = list(self._poses.of(came[self._moved[0]]))
+            odometry = self.configuration.odometry.topic
+            came[odometry] = list(self._poses.of(came[odometry]))
             for name in self._moved:
                 if sum(self._sense(message) for message in came[name]):
                     self._used_s[name] = now_s

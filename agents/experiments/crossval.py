@@ -16,7 +16,7 @@ from agents.experiments.trial import Result, Trial
 from llrp_online import figures
 from llrp_online.configuration import RobotConfiguration
 from llrp_online.metrics import Floats, Score
-from llrp_online.scoring import FEWEST, mean_auc
+from llrp_online.scoring import enough, mean_auc
 
 _OURS, _PAPER, _ONE_OUT = "our recipe, two scenarios out", "the paper's recipe, two out", "our recipe, one out"
 #: AUC to reach, mean over 0 to 25 cm and at 4 to 8 cm by the sensor in the middle.
@@ -204,8 +204,7 @@ def _cells(score: Score, centre: bool | None) -> tuple[Floats, Floats]:
     """(T,) distances and (T, sensors) AUC, NaN where too little of a class is known: of the middle, outermost, all."""
     sensors = {True: [_CENTRE], False: list(_LATERAL), None: list(score.sensors)}[centre]
     columns = [score.sensors.index(name) for name in sensors]
-    enough = (score.n_pos >= FEWEST) & (score.n_neg >= FEWEST)
-    cells = np.where(enough, score.auc, np.nan)[:, columns]
+    cells = np.where(enough(score), score.auc, np.nan)[:, columns]
     return np.hypot(score.targets[:, 0], score.targets[:, 1]), cells
 
 

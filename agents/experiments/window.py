@@ -153,12 +153,12 @@ def _pooled(found: Sequence[Runs]) -> Iterator[Claim]:
             (True, "the best fixed window"),
             (False, "the fixed window that the other runs choose"),
         ):
-            by_run = [list(enumerate(of.gains(name, hindsight=hindsight))) for of in found]
-            gains = [gain for runs in by_run for _, gain in runs]
+            # A run's scenario and seed are the same at every odometry and behaviour: drawn together.
+            told = [pair for of in found for pair in enumerate(of.gains(name, hindsight=hindsight))]
+            gains = [gain for _, gain in told]
             if not np.isnan(gains).all():
                 what = f"all together: AUC with {name} less that with {which} of each odometry and behaviour"
-                # A run's scenario and seed are the same at every odometry and behaviour.
-                yield Claim.median(what, gains, _RUNS, groups=[run for runs in by_run for run, _ in runs])
+                yield Claim.median(what, gains, _RUNS, groups=[run for run, _ in told])
 
 
 def _claims(cell: Cell, of: Runs) -> Iterator[Claim]:

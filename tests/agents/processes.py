@@ -1,6 +1,7 @@
 """A robot's agents as processes of their own, on an endpoint of their own; what they say, and how they end."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -157,6 +158,13 @@ class Agents(Processes):
         assert took_s < patience_s(), (name, took_s)
         assert "Traceback" not in self.said(name), (name, self.said(name))
         assert "Error" not in self.said(name)
+
+    def start_dashboard(self, port: int = 0, *words: str) -> int:
+        """Start one; the port it listens on, which it says a moment after it is present."""
+        self.start("dashboard", "dashboard", "--port", str(port), *words)
+        until(lambda: "http://" in self.said("dashboard"), "the dashboard's address")
+        [said] = re.findall(r"http://127\.0\.0\.1:(\d+)/", self.said("dashboard"))
+        return int(said)
 
     def ask(self, request: bytes, timeout_s: float = WAIT_S) -> bytes:
         return call(self.session, self.key(topics.LEARNER_COMMAND), request, timeout_s)

@@ -72,7 +72,7 @@ class WatchedRobot(Robot):
         return {one.cause: f"{one.what} {one.do}" for one in self.collector.findings}
 
 
-#: A second of a learner's that has all it needs.
+#: A tick of a learner's that has all it needs.
 A_TICK = LearnerStatus(
     robot_s=0.1,
     frames=10,

@@ -32,10 +32,7 @@ class World(Watcher):
         self.agents = agents
 
     def start_dashboard(self):
-        saved = self.agents.folder / "saved"
-        self.agents.start("dashboard", "dashboard", "--port", str(self.port), "--save-to", str(saved))
-        until(lambda: "http://" in self.agents.said("dashboard"), "the dashboard's address")
-        self.port = int(re.search(r"http://127\.0\.0\.1:(\d+)/", self.agents.said("dashboard")).group(1))
+        self.port = self.agents.start_dashboard(self.port, "--save-to", str(self.agents.folder / "saved"))
 
 
 @pytest.fixture(scope="module")

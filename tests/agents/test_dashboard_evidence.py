@@ -39,7 +39,7 @@ def test_a_bumper_that_has_spoken_once_is_not_missed_and_one_that_never_has_is(r
     robot.say("events/bumper", robots.bumper_event(1, 0))
     keep_on(step, lambda: "short range missing" not in robot.causes())
     begin = robot.tick
-    keep_on(step, lambda: robot.tick > begin + 10 and robot.causes() is not None)
+    keep_on(step, lambda: robot.tick > begin + 30 and robot.causes() is not None)
     assert set(robot.causes()) == {"no learner"}
 
 

@@ -88,13 +88,13 @@ def world(tmp_path_factory):
                 pioneer.step()
 
         agents.start("learner", "learn", "--output", str(folder / "run"), "--json")
-        agents.start("dashboard", "dashboard", "--port", "0")
+        port = agents.start_dashboard()
         agents.wait_present("learner", "dashboard")
         thread = threading.Thread(target=live, name="pioneer")
         thread.start()
         try:
             watcher = Watcher(chromium)
-            watcher.port = int(re.search(r"http://127\.0\.0\.1:(\d+)/", agents.said("dashboard")).group(1))
+            watcher.port = port
             watcher.page = watcher.open(viewport={"width": 1400, "height": 950}, color_scheme="light")
             yield watcher
             assert watcher.faults == []
