@@ -20,7 +20,7 @@ from agents.robots.simulated.body import SLIP_LENGTH_M
 from llrp_online import figures
 from llrp_online.configuration.running import Simulation
 from llrp_online.figures import WindowPanel
-from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S
+from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S, WINDOWS_S
 
 #: Name -> what the wheels do; `ordinary` is what `configs/thymio.toml` has.
 QUALITIES: Mapping[str, Mapping[str, float]] = {
@@ -31,9 +31,7 @@ QUALITIES: Mapping[str, Mapping[str, float]] = {
 BEHAVIOURS = {"explore": "acquisition", "walk": "free roaming"}
 #: Windows that a learner is trained with, and what they change in its configuration.
 _LEARNED: Mapping[str, Mapping[str, Any]] = {
-    "2 s": {"labels.window_s": 2.0},
-    "5 s": {"labels.window_s": 5.0},
-    "30 s": {"labels.window_s": 30.0},
+    **{f"{window_s:g} s": {"labels.window_s": window_s} for window_s in WINDOWS_S},
     UNLIMITED: {"labels.window_s": UNLIMITED_S},
     DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S},
     BLIND_DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S, "odometry.trust_covariance": False},

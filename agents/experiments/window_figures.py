@@ -36,9 +36,18 @@ def auc_by_window(panels: Mapping[str, Mapping[str, Sequence[float]]], marked: M
         if marked.get(title) in names:
             place = names.index(marked[title])
             axes.axvspan(place - 0.3, place + 0.3, color="0.88", linewidth=0, zorder=0)
-        ticks = [name.replace("unlimited", "∞").replace(", no covariance", "\nno cov.") for name in names]
+        ticks = [_short(name) for name in names]
         axes.set_title(title, fontsize=TEXT_PT)
-        dress(axes, "window", "mean AUC, 0 to 25 cm")
+        dress(axes, "window [s]", "mean AUC, 0 to 25 cm")
         axes.set_xticks(range(len(names)), ticks, fontsize=SMALL_PT)
         axes.set_xlim(-0.5, len(names) - 0.5)
     return figure
+
+
+def _short(window: str) -> str:
+    """As it fits under an axis in seconds.
+
+    >>> _short("30 s"), _short("unlimited"), _short("drift, no covariance")
+    ('30', '∞', 'drift\\nno cov.')
+    """
+    return window.removesuffix(" s").replace("unlimited", "∞").replace(", no covariance", "\nno cov.")
