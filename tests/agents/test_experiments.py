@@ -200,15 +200,28 @@ def test_findings_are_written_as_json_and_page(tmp_path: Path) -> None:
     assert told["claims"][0]["holds"] is True
 
 
-@pytest.mark.slow
-def test_a_study_killed_half_way_goes_on_and_gives_the_same_json(tmp_path: Path) -> None:
-    whole, halted = tmp_path / "whole" / "scratch", tmp_path / "halted" / "scratch"
-    assert cli.main(["experiment", "scratch", "--quick", "--output", str(whole)]) == 0
-    words = [sys.executable, "-m", "agents.cli", "experiment", "scratch", "--quick", "--output", str(halted)]
-    process = subprocess.Popen(words)
-    while not list((halted / "trials").glob("*.json")):
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A study in its small form, run through in local processes."""
+    folder = tmp_path_factory.mktemp("whole") / "scratch"
+    assert cli.main(["experiment", "scratch", "--quick", "--output", str(folder)]) == 0
+    return folder
+
+
+def _begun(output: Path, *words: str) -> "subprocess.Popen[bytes]":
+    """The same study in a process of its own, one trial of which is done."""
+    all_words = ["experiment", "scratch", "--quick", "--output", str(output), *words]
+    process = subprocess.Popen([sys.executable, "-m", "agents.cli", *all_words])
+    while not list((output / "trials").glob("*.json")):
         assert process.poll() is None
         time.sleep(0.1)
+    return process
+
+
+@pytest.mark.slow
+def test_a_study_killed_half_way_goes_on_and_gives_the_same_json(whole: Path, tmp_path: Path) -> None:
+    halted = tmp_path / "scratch"
+    process = _begun(halted)
     process.send_signal(signal.SIGKILL)
     process.wait()
     kept = {path: path.stat().st_mtime_ns for path in (halted / "trials").glob("*.json")}
@@ -232,6 +245,23 @@ def test_a_cluster_gives_the_same_and_a_lost_worker_changes_nothing(tmp_path: Pa
     finally:
         machines.shutdown()
     assert found == {trial.name: trial.run(tmp_path) for trial in trials}
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::FutureWarning", "ignore::ResourceWarning")  # Ray's own
+def test_a_study_on_two_workers_one_of_which_is_killed_gives_the_same_json(whole: Path, tmp_path: Path) -> None:
+    pytest.importorskip("ray", reason="the extra `cluster` is not installed")
+    from ray.cluster_utils import Cluster as Machines
+
+    machines = Machines(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
+    try:
+        workers = [machines.add_node(num_cpus=1) for _ in range(2)]
+        process = _begun(tmp_path / "scratch", "--ray", machines.address)
+        machines.remove_node(workers[0], allow_graceful=False)
+        assert process.wait() == 0
+    finally:
+        machines.shutdown()
+    assert (tmp_path / "scratch" / "report.json").read_bytes() == (whole / "report.json").read_bytes()
 
 
 def test_what_came_later_is_told_only_where_it_is_not_as_by_default() -> None:
