@@ -1,7 +1,7 @@
 """When the world has changed: the predictions of a band of distances have become worse than they were.
 
-River's ADWIN (Bifet and Gavalda 2007) on the masked log-loss of each band. A loss that falls is learning, no drift, and
-is not reported, though ADWIN forgets the past then too.
+River's ADWIN (Bifet and Gavalda 2007) on the masked log-loss of each band, bounded as ADWIN asks for. A loss that falls
+is learning, no drift, and is not reported, though ADWIN forgets the past then too.
 """
 
 from collections import deque
@@ -13,6 +13,8 @@ from river.drift import ADWIN
 
 # The fewest values that ADWIN takes for a present of its own (its default).
 _SHORTEST = 5
+#: A frame's loss counts as no more than this [nats]: ADWIN is for values from 0 to 1, and log-losses have no end.
+_WORST = 1.0
 
 
 @dataclass(frozen=True)
@@ -22,8 +24,8 @@ class DriftEvent:
     Attributes:
         t_ns: sensor time of the value that told.
         band: index of the band, near to far.
-        before: mean log-loss [nats] of the past that no longer holds.
-        after: mean log-loss of the newest five blocks.
+        before: mean log-loss [nats] of the past that no longer holds; no frame's counts as more than 1.
+        after: the same of the newest five blocks.
     """
 
     t_ns: int
@@ -42,16 +44,16 @@ class DriftDetector:
 
     Args:
         bands: how many.
-        delta: ADWIN's chance of a false alarm; smaller is calmer.
+        delta: ADWIN's bound on the chance of a false alarm, far above the true one; smaller is calmer.
         block: known frames of a band that make one value.
 
-    >>> detector = DriftDetector(bands=1, delta=0.002, block=1)
+    >>> detector = DriftDetector(bands=1, block=1)
     >>> losses = [0.2] * 300 + [0.9] * 100
     >>> [(event.t_ns, round(event.before, 1)) for t, loss in enumerate(losses) for event in detector.update(t, [loss])]
-    [(315, 0.2)]
+    [(308, 0.2)]
     """
 
-    def __init__(self, bands: int, delta: float = 0.002, block: int = 10) -> None:
+    def __init__(self, bands: int, delta: float = 0.1, block: int = 5) -> None:
         if block < 1:
             raise ValueError(f"block: expected at least one frame, got {block}")
         self._windows = [ADWIN(delta=delta, clock=1, min_window_length=_SHORTEST) for _ in range(bands)]
@@ -68,7 +70,7 @@ class DriftDetector:
             waiting = self._waiting[band]
             if np.isnan(loss):
                 continue
-            waiting.append(float(loss))
+            waiting.append(min(float(loss), _WORST))
             if len(waiting) == self._block:
                 value = sum(waiting) / self._block
                 waiting.clear()

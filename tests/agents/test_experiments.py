@@ -240,7 +240,7 @@ def test_a_cluster_gives_the_same_and_a_lost_worker_changes_nothing(tmp_path: Pa
     trials.append(Trial("tests.agents.work:die_once", {"mark": str(tmp_path / "died")}))
     machines = Machines(initialize_head=True, head_node_args={"num_cpus": 2, "include_dashboard": False})
     try:
-        with Cluster(machines.address, tmp_path) as cluster:
+        with Cluster(str(machines.address), tmp_path) as cluster:
             found = {trial.name: done.result for trial, done in cluster.run(trials)}
     finally:
         machines.shutdown()
@@ -256,7 +256,7 @@ def test_a_study_on_two_workers_one_of_which_is_killed_gives_the_same_json(whole
     machines = Machines(initialize_head=True, head_node_args={"num_cpus": 0, "include_dashboard": False})
     try:
         workers = [machines.add_node(num_cpus=1) for _ in range(2)]
-        process = _begun(tmp_path / "scratch", "--ray", machines.address)
+        process = _begun(tmp_path / "scratch", "--ray", str(machines.address))
         machines.remove_node(workers[0], allow_graceful=False)
         assert process.wait() == 0
     finally:

@@ -33,6 +33,11 @@ def test_a_steady_stream_raises_hardly_an_alarm():
     assert len(run(steady)) <= 1
 
 
+def test_no_frame_counts_as_more_than_one_nat():
+    (event,) = run(np.r_[np.full(200, 0.1), np.full(100, 16.0)][:, None])
+    assert event.after == pytest.approx(1.0)
+
+
 def test_frames_without_known_labels_do_not_count():
     losses = np.r_[noisy(0.2, 2000, 1), noisy(0.9, 500, 2)]
     sparse = np.full(2 * len(losses), np.nan)
