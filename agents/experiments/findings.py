@@ -182,12 +182,14 @@ def write(findings: Findings, folder: Path, seeds: Sequence[int]) -> Path:
     return folder / "report.html"
 
 
-def section(findings: Findings, command: str, cost: str) -> str:
-    """The study's part of docs/RESULTS.md; `cost` says what it took to compute."""
+def section(findings: Findings, command: str, cost: str, pictures: str = "") -> str:
+    """The study's part of docs/RESULTS.md; `cost` says what it took to compute, `pictures` are Markdown, too."""
     claims = _markdown(CLAIM_HEADS, [claim.row() for claim in findings.claims])
-    remarks = "".join(f"\n- {remark}" for remark in findings.remarks)
-    tables = "".join(f"\n{table.markdown()}" for table in findings.tables)
-    return f"## {findings.title}\n\n    {command}\n\n{cost}. {findings.story}\n\n{claims}\n{remarks}\n{tables}"
+    remarks = "\n".join(f"- {remark}" for remark in findings.remarks)
+    tables = "\n".join(table.markdown() for table in findings.tables)
+    head = f"## {findings.title}\n\n    {command}\n\n{cost}. {findings.story}\n"
+    parts = [head, f"{claims}\n", f"{remarks}\n" if remarks else "", pictures, tables]
+    return "\n".join(filter(None, parts))
 
 
 def _markdown(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

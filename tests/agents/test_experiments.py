@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -18,13 +18,14 @@ from agents import cli
 from agents.experiments import results
 from agents.experiments.cluster import Cluster
 from agents.experiments.drives import Drive
-from agents.experiments.findings import Claim, Findings, section, write
+from agents.experiments.findings import Claim, Findings, Plot, section, write
 from agents.experiments.learning import Start
 from agents.experiments.local import Local, TrialError
 from agents.experiments.settings import changed, configuration_of, plain, scenario, scenarios
 from agents.experiments.shared import made_once
 from agents.experiments.statistics import median
 from agents.experiments.trial import Done, Shelf, Trial
+from llrp_online.figures.style import new_figure
 
 SQUARE = "tests.agents.work:square"
 
@@ -190,6 +191,18 @@ def test_a_page_of_results_holds_each_study_once(tmp_path: Path) -> None:
     assert "0.820" in text
     assert section(_findings(0.79), "llrp experiment scratch --results docs/RESULTS.md", "3 trials") in text
     assert "1 trial." not in text
+
+
+def test_a_page_of_results_shows_the_figures_that_a_study_has_now(tmp_path: Path) -> None:
+    page, first, then = tmp_path / "RESULTS.md", new_figure(2.0, 2.0), new_figure(2.0, 2.0)
+    results.put(page, "window", replace(_findings(0.8), plots=[Plot("old", first, "another's")]), "1 trial")
+    results.put(page, "scratch", replace(_findings(0.8), plots=[Plot("old", first, "an old one")]), "1 trial")
+    results.put(page, "scratch", replace(_findings(0.8), plots=[Plot("new", then, "a curve", "It rises.")]), "1 trial")
+    text = page.read_text()
+    assert "![a curve](pictures/results/scratch-new.png)\n\n*It rises.*\n" in text
+    assert "an old one" not in text
+    shown = sorted(path.name for path in (tmp_path / "pictures" / "results").iterdir())
+    assert shown == ["scratch-new.png", "window-old.png"]
 
 
 def test_findings_are_written_as_json_and_page(tmp_path: Path) -> None:
