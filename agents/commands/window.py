@@ -8,7 +8,7 @@ from pathlib import Path
 
 from agents.commands import options
 from agents.drive_arrays import drive_of
-from agents.progress import track_recordings
+from agents.progress import track, track_recordings
 from agents.window_answer import Answer, compare, learner_of
 from llrp_online import figures, page
 from llrp_online.configuration import RobotConfiguration
@@ -49,8 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
         [drive_of(configuration, path, told) for path, told in track_recordings(arguments.recordings, "reading")],
     )
     if arguments.learn:
+        names = [row.window for row in answer.rows]
         answer = answer.scored(
-            {row.window: _learned(configuration, row.window, arguments.recordings) for row in answer.rows}
+            {name: _learned(configuration, name, arguments.recordings) for name in track(names, "learning", len(names))}
         )
     replace(arguments.output, _page(configuration, answer, arguments.recordings))
     if arguments.json:
