@@ -1,8 +1,6 @@
 import math
-import socket
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +10,11 @@ from hypothesis import strategies as st
 
 from agents import messages
 from agents.robots.playback import Playback, schedule
-from agents.transport import Received, open_session, subscribe_all
+from agents.transport import Received, free_endpoint, open_session, subscribe_all
 from llrp_online.configuration import load
 from llrp_online.events import OdometrySample
 from replay.recording import Message, RecordingError, Writer, read
+from tests.agents.processes import until
 
 pytestmark = pytest.mark.live
 
@@ -24,19 +23,6 @@ DATA = ROOT.parent / "shared" / "data"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason=f"the real recordings are not at {DATA}")
 DRONE = load(ROOT / "configs" / "drone.toml")
 ODOMETRY = "nav_msgs/msg/Odometry"
-
-
-def until(true: Callable[[], bool], timeout_s: float = 5.0) -> bool:
-    end_s = time.monotonic() + timeout_s
-    while not true() and time.monotonic() < end_s:
-        time.sleep(0.005)
-    return true()
-
-
-def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def recorded(path: Path, *topics: str, count: int = 10, step_ns: int = 50_000_000) -> Path:
@@ -66,7 +52,7 @@ def test_a_speed_that_is_none_is_an_error(speed):
 @needs_data
 def test_a_real_recording_plays_whole_to_whoever_listens():
     path = DATA / "drone" / "A0.mcap"
-    where = endpoint()
+    where = free_endpoint()
     with open_session(where) as first, open_session(where) as second:
         found: list[Received] = []
         with subscribe_all(second, "drone", found.append):
@@ -74,7 +60,7 @@ def test_a_real_recording_plays_whole_to_whoever_listens():
             time.sleep(0.2)  # for the subscription to get around
             assert robot.run(threading.Event()) is None
             assert robot.played == 520
-            assert until(lambda: len(found) >= 510)
+            until(lambda: len(found) >= 510, "what was played")
             robot.close()
         for name in ("odom", "range"):
             played = [(m.type, m.data) for m in found if m.key == f"drone/{name}"]
@@ -87,7 +73,7 @@ def test_a_real_recording_plays_whole_to_whoever_listens():
 
 def test_it_keeps_the_pace(tmp_path):
     path = recorded(tmp_path / "run.mcap", "/drone/odom", count=21)  # one second of it
-    with open_session(endpoint()) as session:
+    with open_session(free_endpoint()) as session:
         robot = Playback(session, DRONE, path, speed=4.0)
         before_s = time.monotonic()
         robot.run(threading.Event())
@@ -99,7 +85,7 @@ def test_it_keeps_the_pace(tmp_path):
 
 def test_what_agents_said_is_not_said_again_and_what_lacks_is_named(tmp_path, caplog):
     path = recorded(tmp_path / "run.mcap", "/drone/odom", "/drone/cmd_vel", "/drone/prediction")
-    with open_session(endpoint()) as session:
+    with open_session(free_endpoint()) as session:
         robot = Playback(session, DRONE, path, math.inf)
         missing = robot.run(threading.Event())
     assert robot.played == 10
@@ -110,7 +96,7 @@ def test_what_agents_said_is_not_said_again_and_what_lacks_is_named(tmp_path, ca
 
 def test_it_stops_when_told_to(tmp_path):
     path = recorded(tmp_path / "run.mcap", "odom", step_ns=60 * 10**9)
-    with open_session(endpoint()) as session:
+    with open_session(free_endpoint()) as session:
         stop = threading.Event()
         threading.Timer(0.1, stop.set).start()
         before_s = time.monotonic()
@@ -119,5 +105,5 @@ def test_it_stops_when_told_to(tmp_path):
 
 
 def test_a_recording_that_is_none_is_an_error_at_once(tmp_path):
-    with open_session(endpoint()) as session, pytest.raises(RecordingError, match="cannot be read"):
+    with open_session(free_endpoint()) as session, pytest.raises(RecordingError, match="cannot be read"):
         Playback(session, DRONE, tmp_path / "none.mcap")

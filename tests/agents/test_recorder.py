@@ -1,7 +1,5 @@
-import socket
 import threading
 import time
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,9 +8,10 @@ from hypothesis import strategies as st
 
 from agents import messages
 from agents.recorder import Recorder, SensorClock
-from agents.transport import Frames, State, Stream, open_session
+from agents.transport import Frames, State, Stream, free_endpoint, open_session
 from llrp_online.events import OdometrySample
 from replay.recording import RecordingError, read
+from tests.agents.processes import until
 
 pytestmark = pytest.mark.live
 
@@ -31,19 +30,6 @@ def odometry(t_ns: int) -> bytes:
 
 COMMAND = messages.encode(messages.twist(0.1, 0.0))
 TWIST = "geometry_msgs/msg/Twist"
-
-
-def until(true: Callable[[], bool], timeout_s: float = 5.0) -> bool:
-    end_s = time.monotonic() + timeout_s
-    while not true() and time.monotonic() < end_s:
-        time.sleep(0.005)
-    return true()
-
-
-def endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def test_the_clock_is_the_newest_stamp_of_a_sensor():
@@ -78,7 +64,7 @@ def test_log_times_never_go_back(stamps):
 
 def test_everything_of_a_robot_is_recorded_with_its_type(tmp_path):
     path = tmp_path / "run.mcap"
-    where = endpoint()
+    where = free_endpoint()
     with open_session(where) as first, open_session(where) as second:
         with (
             Frames(first, "bot/cmd_vel", TWIST) as command,
@@ -90,14 +76,14 @@ def test_everything_of_a_robot_is_recorded_with_its_type(tmp_path):
         ):
             time.sleep(0.1)
             command.put(COMMAND)  # before any sensor has spoken
-            assert until(lambda: len(recorder._before_clock) == 1)
+            until(lambda: len(recorder._before_clock) == 1, "a message before the clock")
             for i in range(200):
                 ranges.put(scan(i * 50_000_000))
                 poses.put(odometry(i * 50_000_000))
                 other.put(scan(0))
             weights.put(b"safetensors")
             command.put(COMMAND)
-            assert until(lambda: recorder.messages == 402)
+            until(lambda: recorder.messages == 402, "all that was sent")
         assert not recorder.drops
         assert recorder.missed == 0
         assert recorder.error is None
@@ -116,7 +102,7 @@ def test_everything_of_a_robot_is_recorded_with_its_type(tmp_path):
 
 
 def test_only_commands_are_recorded_by_the_wall_clock(tmp_path):
-    where = endpoint()
+    where = free_endpoint()
     with (
         open_session(where) as first,
         open_session(where) as second,
@@ -125,13 +111,13 @@ def test_only_commands_are_recorded_by_the_wall_clock(tmp_path):
     ):
         time.sleep(0.1)
         command.put(COMMAND)
-        assert until(lambda: len(recorder._before_clock) == 1)
+        until(lambda: len(recorder._before_clock) == 1, "a message before the clock")
     [message] = read(tmp_path / "run.mcap")
     assert abs(message.log_ns - time.time_ns()) < 60 * SECOND_NS
 
 
 def test_a_slow_disk_costs_messages_and_never_keeps_the_bus_waiting(tmp_path, monkeypatch, caplog):
-    where = endpoint()
+    where = free_endpoint()
     disk = threading.Event()
     with open_session(where) as first, open_session(where) as second, Stream(first, "bot/range", SCAN) as ranges:
         recorder = Recorder(second, "bot", tmp_path / "run.mcap", queue_bytes=50 * len(scan(0)))
@@ -140,7 +126,7 @@ def test_a_slow_disk_costs_messages_and_never_keeps_the_bus_waiting(tmp_path, mo
         time.sleep(0.1)
         for i in range(300):
             ranges.put(scan(i))
-        assert until(lambda: sum(recorder.drops.values()) >= 249)
+        until(lambda: sum(recorder.drops.values()) >= 249, "the drops")
         disk.set()
         recorder.close()
     assert recorder.messages + recorder.drops["range"] == 300
@@ -149,7 +135,7 @@ def test_a_slow_disk_costs_messages_and_never_keeps_the_bus_waiting(tmp_path, mo
 
 
 def test_a_disk_that_refuses_is_said_once_and_counted(tmp_path, monkeypatch, caplog):
-    where = endpoint()
+    where = free_endpoint()
 
     def refuse(message):
         raise RecordingError("run.mcap: cannot be written: No space left on device")
@@ -160,13 +146,13 @@ def test_a_disk_that_refuses_is_said_once_and_counted(tmp_path, monkeypatch, cap
             time.sleep(0.1)
             for i in range(20):
                 ranges.put(scan(i))
-            assert until(lambda: recorder.drops["range"] == 20)
+            until(lambda: recorder.drops["range"] == 20, "the drops")
         assert "No space left" in str(recorder.error)
     assert caplog.text.count("No space left") == 1
 
 
 def test_a_type_nobody_knows_is_left_out(tmp_path, caplog):
-    where = endpoint()
+    where = free_endpoint()
     with (
         open_session(where) as first,
         open_session(where) as second,
@@ -178,12 +164,12 @@ def test_a_type_nobody_knows_is_left_out(tmp_path, caplog):
         for i in range(5):
             odd.put(b"x")
             ranges.put(scan(i))
-        assert until(lambda: recorder.messages == 5 and recorder.drops["odd"] == 5)
+        until(lambda: recorder.messages == 5 and recorder.drops["odd"] == 5, "what can be recorded, and the drops")
     assert caplog.text.count("odd: cannot be recorded: 'my_msgs/msg/Odd'") == 1
 
 
 def test_closing_takes_less_than_a_second(tmp_path):
-    where = endpoint()
+    where = free_endpoint()
     with (
         open_session(where) as first,
         open_session(where) as second,
@@ -206,5 +192,5 @@ def test_closing_takes_less_than_a_second(tmp_path):
 
 def test_an_existing_file_is_refused_before_anything_starts(tmp_path):
     (tmp_path / "run.mcap").touch()
-    with open_session(endpoint()) as session, pytest.raises(RecordingError, match="exists already"):
+    with open_session(free_endpoint()) as session, pytest.raises(RecordingError, match="exists already"):
         Recorder(session, "bot", tmp_path / "run.mcap")

@@ -1,10 +1,9 @@
 import multiprocessing
-import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import psutil
@@ -21,6 +20,7 @@ from agents.transport import (
     TransportError,
     announce,
     call,
+    free_endpoint,
     key,
     open_session,
     present,
@@ -31,6 +31,7 @@ from agents.transport import (
     subscribe_stream,
     watch,
 )
+from tests.agents.processes import until
 
 pytestmark = pytest.mark.live
 
@@ -38,25 +39,11 @@ ODOMETRY = "nav_msgs/msg/Odometry"
 spawn = multiprocessing.get_context("spawn")
 
 
-def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
-def until(true: Callable[[], bool], timeout_s: float = 5.0) -> bool:
-    """Whether it became true in time."""
-    end_s = time.monotonic() + timeout_s
-    while not true() and time.monotonic() < end_s:
-        time.sleep(0.005)
-    return true()
-
-
 @contextmanager
 def pair() -> Iterator[tuple[Session, Session]]:
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second:
-        assert until(lambda: bool(first.zenoh.info.peers_zid()))
+        until(lambda: bool(first.zenoh.info.peers_zid()), "the other session")
         yield first, second
 
 
@@ -66,7 +53,7 @@ def receive(subscriber, session, key, count, send) -> list[Received]:
     with subscriber(session, key, found.append):
         time.sleep(0.1)  # for the subscription to get around
         send()
-        assert until(lambda: len(found) >= count)
+        until(lambda: len(found) >= count, "the messages")
     return found
 
 
@@ -74,20 +61,20 @@ def test_three_agents_meet_whoever_comes_first():
     endpoint = free_endpoint()
     with open_session(endpoint) as first, open_session(endpoint) as second, open_session(endpoint) as third:
         for session in (first, second, third):
-            assert until(lambda session=session: len(session.zenoh.info.peers_zid()) == 2)
+            until(lambda session=session: len(session.zenoh.info.peers_zid()) == 2, "both other sessions")
 
 
 def test_others_go_on_when_the_hub_goes_and_a_new_one_is_found():
     endpoint = free_endpoint()
     hub = open_session(endpoint)
     with open_session(endpoint) as second, open_session(endpoint) as third:
-        assert until(lambda: len(second.zenoh.info.peers_zid()) == 2)
+        until(lambda: len(second.zenoh.info.peers_zid()) == 2, "both other sessions")
         hub.close()
         found: list[Received] = []
         with subscribe_latest(third, "bot/a", found.append), Frames(second, "bot/a", ODOMETRY) as publisher:
-            assert until(lambda: publisher.put(b"x") or bool(found))
+            until(lambda: publisher.put(b"x") or bool(found), "a message")
         with open_session(endpoint, hub=True) as new:
-            assert until(lambda: len(new.zenoh.info.peers_zid()) == 2)
+            until(lambda: len(new.zenoh.info.peers_zid()) == 2, "both other sessions")
 
 
 def test_an_endpoint_that_cannot_be_is_an_error():
@@ -147,7 +134,7 @@ def test_a_slow_reader_of_frames_gets_the_newest():
             for i in range(150):
                 frames.put(i.to_bytes(4, "big") + bytes(15_000))
                 time.sleep(0.003)
-            assert until(lambda: seen[-1] == 149)
+            until(lambda: seen[-1] == 149, "the newest")
         assert len(seen) < 60
         assert subscription.missed == 150 - len(seen) - seen[0]
         assert sorted(ages)[len(ages) // 2] < 0.1
@@ -161,7 +148,7 @@ def test_bursts_of_frames_get_through():
             for burst in range(1, 101):
                 for i in range(8):
                     frames.put(bytes([i]) * 15_000)
-                assert until(lambda burst=burst: len(found) == 8 * burst), burst
+                until(lambda burst=burst: len(found) == 8 * burst, f"burst {burst}")
         assert found == list(range(8)) * 100
 
 
@@ -183,7 +170,7 @@ def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest
                 assert stalled.wait(5)
                 time.sleep(0.01)
             stall.set()
-            assert until(lambda: seen == list(range(7)))
+            until(lambda: seen == list(range(7)), "all, in order")
             assert subscription.missed == 0
         seen.clear()
         stall.clear()
@@ -195,7 +182,7 @@ def test_a_patient_reader_loses_nothing_in_a_short_stall_and_skips_to_the_newest
                 assert stalled.wait(5)
                 time.sleep(0.01)
             stall.set()
-            assert until(lambda: seen == [10, 16])
+            until(lambda: seen == [10, 16], "the newest, once there is time")
 
 
 def test_a_patient_reader_that_is_too_slow_still_gets_what_is_new():
@@ -213,7 +200,7 @@ def test_a_patient_reader_that_is_too_slow_still_gets_what_is_new():
             for i in range(200):
                 frames.put(bytes([i]))
                 time.sleep(0.01)
-            assert until(lambda: seen[-1] == 199)
+            until(lambda: seen[-1] == 199, "the newest")
         assert seen == sorted(seen)
         assert len(seen) < 80
         assert subscription.missed == 200 - len(seen) - seen[0]
@@ -235,7 +222,7 @@ def test_a_stream_is_whole_and_in_order_across_a_stall():
             for i in range(count):
                 stream.put(i.to_bytes(4, "big"))
             stall.set()
-            assert until(lambda: len(found) == count)
+            until(lambda: len(found) == count, "all of them")
             assert found == list(range(count))
             assert subscription.missed == 0
 
@@ -247,9 +234,9 @@ def test_who_joins_a_stream_late_gets_what_its_cache_holds():
         time.sleep(0.1)  # what is still on its way when they join would come besides
         found: list[Received] = []
         with subscribe_stream(second, "bot/odom", found.append):
-            assert until(lambda: len(found) == 10)
+            until(lambda: len(found) == 10, "what was sent before")
             stream.put(b"\xff")
-            assert until(lambda: len(found) == 11)
+            until(lambda: len(found) == 11, "what came after")
     assert [m.data[0] for m in found] == [*range(15, 25), 255]
 
 
@@ -275,7 +262,7 @@ def test_all_of_a_robot_and_nothing_of_another():
                 for publisher in (frames, stream, other):
                     publisher.put(bytes([i]))
                 time.sleep(0.002)  # frames that come too fast are dropped
-            assert until(lambda: sum(m.key == "bot/odom" for m in found) == 50)
+            until(lambda: sum(m.key == "bot/odom" for m in found) == 50, "the odometry")
         seen = {name: [m.data[0] for m in found if m.key == f"bot/{name}"] for name in ("odom", "camera/image")}
         assert seen["odom"] == list(range(50))
         assert seen["camera/image"] == sorted(set(seen["camera/image"]))
@@ -297,7 +284,7 @@ def test_a_handler_that_raises_does_not_end_a_subscription(caplog):
             time.sleep(0.1)
             stream.put(b"1")
             stream.put(b"2")
-            assert until(lambda: len(found) == 2)
+            until(lambda: len(found) == 2, "the last value and its change")
         assert subscription.failed == 1
     assert "stream bot/odom: the handler failed (1 so far)" in caplog.text
 
@@ -327,11 +314,11 @@ def test_agents_are_seen_to_come_and_go():
         seen: list[tuple[str, bool]] = []
         token = announce(first, "bot", "learner")
         with watch(second, "bot", lambda agent, here: seen.append((agent, here))):
-            assert until(lambda: seen == [("learner", True)])
+            until(lambda: seen == [("learner", True)], "the learner")
             assert present(second, "bot") == {"learner"}
             other = announce(first, "bot", "robot")
             token.undeclare()
-            assert until(lambda: len(seen) == 3)
+            until(lambda: len(seen) == 3, "its going and coming")
             assert sorted(seen[1:]) == [("learner", False), ("robot", True)]
             assert present(second, "bot2") == set()
             other.undeclare()
@@ -359,10 +346,10 @@ def test_a_killed_process_is_seen_to_go_and_its_successor_s_messages_come():
                 process = spawn.Process(target=agent, args=(endpoint,), daemon=True)
                 process.start()
                 found.clear()
-                assert until(lambda: len(found) > 10, 20)
+                until(lambda: len(found) > 10, "messages of the other process")
                 process.kill()
                 process.join()
-                assert until(lambda run=run: len(seen) == 2 * run)
+                until(lambda run=run: len(seen) == 2 * run, "its coming and going")
             assert seen == [True, False] * 2
             assert subscription.missed == 0
 
