@@ -148,8 +148,8 @@ def _story(size: Size) -> str:
         "before it is lived on, over random weights there. Backward transfer: AUC on earlier floors at the end of the "
         "row, over just after each. Forgotten: the best AUC on a floor in the row less that at its end. An alarm "
         "within two minutes of a change is the change's, any other false; what a frame's prediction was worth is known "
-        f"when its label window closes, {configuration_of('thymio').labels.window_s:g} s later. Values are medians over runs, intervals "
-        "resample runs."
+        f"when its label window closes, {configuration_of('thymio').labels.window_s:g} s later. Values are medians "
+        "over runs, intervals resample runs."
     )
 
 
