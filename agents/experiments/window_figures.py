@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from agents.experiments.statistics import median
 from llrp_online.figures.style import LINES, SMALL_PT, TEXT_PT, dress, new_figure
 
-_ACROSS = 3
-_PANEL_IN = (3.1, 2.4)
+#: A panel is as wide as its ticks need, no less than this, and as many stand side by side as a page is wide.
+_PANEL_IN, _TICK_IN, _PAGE_IN = (3.1, 2.4), 0.42, 9.4
 
 
 def auc_by_window(panels: Mapping[str, Mapping[str, Sequence[float]]], marked: Mapping[str, str]) -> Figure:
@@ -19,9 +19,10 @@ def auc_by_window(panels: Mapping[str, Mapping[str, Sequence[float]]], marked: M
         panels: title -> window -> AUC of each run, NaN where undefined.
         marked: title -> window to mark, if it is among them.
     """
-    across = min(_ACROSS, len(panels))
+    width_in = max(_PANEL_IN[0], _TICK_IN * max(map(len, panels.values())))
+    across = min(int(_PAGE_IN / width_in), len(panels))
     down = -(-len(panels) // across)
-    figure = new_figure(max(_PANEL_IN[0] * across, 4.0), _PANEL_IN[1] * down)
+    figure = new_figure(max(width_in * across, 4.0), _PANEL_IN[1] * down)
     colour, marker, _ = LINES[0]
     axes = None
     for number, (title, found) in enumerate(panels.items()):
