@@ -44,16 +44,16 @@ class DriftDetector:
 
     Args:
         bands: how many.
-        delta: ADWIN's bound on the chance of a false alarm, far above the true one; smaller is calmer.
+        delta: ADWIN's chance of a false alarm; smaller is calmer.
         block: known frames of a band that make one value.
 
     >>> detector = DriftDetector(bands=1, block=1)
     >>> losses = [0.2] * 300 + [0.9] * 100
     >>> [(event.t_ns, round(event.before, 1)) for t, loss in enumerate(losses) for event in detector.update(t, [loss])]
-    [(308, 0.2)]
+    [(315, 0.2)]
     """
 
-    def __init__(self, bands: int, delta: float = 0.1, block: int = 5) -> None:
+    def __init__(self, bands: int, delta: float = 0.002, block: int = 10) -> None:
         if block < 1:
             raise ValueError(f"block: expected at least one frame, got {block}")
         self._windows = [ADWIN(delta=delta, clock=1, min_window_length=_SHORTEST) for _ in range(bands)]

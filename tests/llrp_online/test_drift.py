@@ -34,7 +34,7 @@ def test_a_steady_stream_raises_hardly_an_alarm():
 
 
 def test_no_frame_counts_as_more_than_one_nat():
-    (event,) = run(np.r_[np.full(200, 0.1), np.full(100, 16.0)][:, None])
+    (event,) = run(np.r_[np.full(200, 0.1), np.full(100, 16.0)][:, None], block=1)
     assert event.after == pytest.approx(1.0)
 
 
