@@ -1,6 +1,7 @@
 import math
 import threading
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +15,12 @@ from agents.transport import Received, free_endpoint, open_session, subscribe_al
 from llrp_online.configuration import load
 from llrp_online.events import OdometrySample
 from replay.recording import Message, RecordingError, Writer, read
-from tests.agents.processes import until
+from tests.agents import processes
 
 pytestmark = pytest.mark.live
+
+#: What goes over a bus takes no longer.
+until = partial(processes.until, timeout_s=5.0)
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared" / "data"

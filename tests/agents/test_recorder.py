@@ -1,5 +1,6 @@
 import threading
 import time
+from functools import partial
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from agents.recorder import Recorder, SensorClock
 from agents.transport import Frames, State, Stream, free_endpoint, open_session
 from llrp_online.events import OdometrySample
 from replay.recording import RecordingError, read
-from tests.agents.processes import until
+from tests.agents import processes
 
 pytestmark = pytest.mark.live
+
+#: What goes over a bus takes no longer.
+until = partial(processes.until, timeout_s=5.0)
 
 SECOND_NS = 10**9
 SCAN = "sensor_msgs/msg/LaserScan"

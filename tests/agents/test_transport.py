@@ -5,6 +5,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import psutil
 import pytest
@@ -31,9 +32,12 @@ from agents.transport import (
     subscribe_stream,
     watch,
 )
-from tests.agents.processes import until
+from tests.agents import processes
 
 pytestmark = pytest.mark.live
+
+#: What goes over a bus takes no longer.
+until = partial(processes.until, timeout_s=5.0)
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 spawn = multiprocessing.get_context("spawn")
@@ -346,7 +350,7 @@ def test_a_killed_process_is_seen_to_go_and_its_successor_s_messages_come():
                 process = spawn.Process(target=agent, args=(endpoint,), daemon=True)
                 process.start()
                 found.clear()
-                until(lambda: len(found) > 10, "messages of the other process")
+                until(lambda: len(found) > 10, "messages of the other process", timeout_s=20.0)
                 process.kill()
                 process.join()
                 until(lambda run=run: len(seen) == 2 * run, "its coming and going")
