@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -17,10 +16,12 @@ from agents.experiments.trial import Result, Trial
 from agents.experiments.window_figures import auc_by_window
 from agents.experiments.window_runs import DRIFTING, Runs
 from agents.robots.simulated.body import SLIP_LENGTH_M
+from agents.window_answer import learner_of
 from llrp_online import figures
+from llrp_online.configuration import RobotConfiguration
 from llrp_online.configuration.running import Simulation
 from llrp_online.figures import WindowPanel
-from llrp_online.windows import DRIFT, UNLIMITED, UNLIMITED_S, WINDOWS_S
+from llrp_online.windows import DRIFT, UNLIMITED, rules
 
 #: Name -> what the wheels do; `ordinary` is what `configs/thymio.toml` has.
 QUALITIES: Mapping[str, Mapping[str, float]] = {
@@ -29,13 +30,8 @@ QUALITIES: Mapping[str, Mapping[str, float]] = {
     "bad": {"simulation.slip": 0.06, "simulation.bias": 0.015},
 }
 BEHAVIOURS = {"explore": "acquisition", "walk": "free roaming"}
-#: Windows that a learner is trained with, and what they change in its configuration.
-_LEARNED: Mapping[str, Mapping[str, Any]] = {
-    **{f"{window_s:g} s": {"labels.window_s": window_s} for window_s in WINDOWS_S},
-    UNLIMITED: {"labels.window_s": UNLIMITED_S},
-    DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S},
-    BLIND_DRIFT: {"labels.window": "drift", "labels.window_s": UNLIMITED_S, "odometry.trust_covariance": False},
-}
+#: Windows that a learner is trained with: those that labels are told for.
+_LEARNED = (*rules(configuration_of("thymio").labels.rule()), BLIND_DRIFT)
 _RUNS = "{} runs, a scenario and a seed each"
 #: Behaviour and quality.
 Cell = tuple[str, str]
@@ -62,7 +58,7 @@ class Size:
         return [(behaviour, quality) for behaviour in BEHAVIOURS for quality in self.qualities]
 
 
-FULL = Size(("cardboard", "checker", "grass", "tiles", "wood"), 5.0, tuple(QUALITIES), tuple(_LEARNED), 2.5)
+FULL = Size(("cardboard", "checker", "grass", "tiles", "wood"), 5.0, tuple(QUALITIES), _LEARNED, 2.5)
 QUICK = Size(("tiles",), 0.5, ("bad",), ("2 s", DRIFT), 0.5)
 
 
@@ -83,12 +79,19 @@ def _named(size: Size) -> Iterator[tuple[Cell, str | None, Trial]]:
                 Drive(robot_of(exact), scenario(name), HELD_OUT + layout, size.held_out_minutes) for layout in (0, 1)
             ]
             for window in size.learned:
-                form = with_seed(changed(robot, _LEARNED[window]), seed)
+                form = with_seed(_learner(robot, window), seed)
                 yield (
                     (behaviour, quality),
                     window,
                     learning(form, [drive], {"new": exam}, (60 * size.minutes,), examiner=exact),
                 )
+
+
+def _learner(robot: RobotConfiguration, window: str) -> RobotConfiguration:
+    """The configuration of a learner of the window of that name."""
+    if window == BLIND_DRIFT:
+        return learner_of(changed(robot, {"odometry.trust_covariance": False}), DRIFT)
+    return learner_of(robot, window)
 
 
 def findings(size: Size, results: Sequence[Result]) -> Findings:
